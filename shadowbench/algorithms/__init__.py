@@ -1,0 +1,52 @@
+"""Every shadow algorithm, one file each, and the explicit list of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from shadowbench.algorithms.base import Algorithm
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An algorithm's line in the list: enough to show it without importing its kernels.
+
+    Attributes
+    ----------
+    name, title, paper, exact : as in the class (a test compares them).
+    summary : one line.
+    target : ``module:Class``.
+    extra : the optional dependency group that it needs, or None.
+    """
+
+    name: str
+    title: str
+    paper: str
+    exact: bool
+    summary: str
+    target: str
+    extra: str | None = None
+
+    def load(self) -> type[Algorithm]:
+        """Import the class, and with it Numba."""
+        module, _, name = self.target.partition(":")
+        loaded: type[Algorithm] = getattr(import_module(module), name)
+        return loaded
+
+
+ALL_ALGORITHMS: tuple[Entry, ...] = (
+    Entry("reference", "Certified reference", "shadowbench", True,
+          "Error-bounded float64 with rational arithmetic where it can't decide: the truth",
+          "shadowbench.algorithms.reference:Reference"),
+    Entry("shadow_map", "Shadow map", "Williams 1978", False,
+          "Nearest depth from the light, spot, cube or directional, with percentage-closer filtering",
+          "shadowbench.algorithms.shadow_map:ShadowMap"),
+    Entry("embree", "Embree", "Wald et al. 2014", False,
+          "Occlusion rays by a float32 ray tracer: a peer, not the truth",
+          "shadowbench.algorithms.embree:Embree", "peers"),
+)
+
+ALGORITHMS: dict[str, Entry] = {entry.name: entry for entry in ALL_ALGORITHMS}

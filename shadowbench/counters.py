@@ -1,0 +1,61 @@
+"""The registry of operation counters: the only place where a count gets its name and its meaning.
+
+Two totals are reported for every method. ``test_and_set`` follows the papers' convention (Sintorn et al. 2011,
+sec. 4): stencil updates for shadow volumes, node tests plus sample tests for the hierarchies. ``all_work`` is
+symmetric: it adds every other memory or geometry operation that the papers leave out.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Counter:
+    """One operation count.
+
+    Attributes
+    ----------
+    name : identifier in every output.
+    unit : what one step of the count is.
+    definition : one sentence that says when the count grows.
+    source : the paper and section that the definition follows, or "shadowbench".
+    scope : "frame" for a total; such counts may also be attributed to samples, triangles or levels.
+    in_test_and_set, in_all_work : True if the count is a term of that total.
+    """
+
+    name: str
+    unit: str
+    definition: str
+    source: str
+    scope: str = "frame"
+    in_test_and_set: bool = False
+    in_all_work: bool = False
+
+
+ALL_COUNTERS: tuple[Counter, ...] = (
+    Counter("test_and_set", "operation",
+            "Sum of the counts that the papers compare: stencil updates, node tests and sample tests.",
+            "Sintorn et al. 2011, sec. 4"),
+    Counter("all_work", "operation",
+            "Sum of all elementary operations, those that the papers leave out included.", "shadowbench"),
+    Counter("node_tests", "test",
+            "A child box or tile is tested against a shadow frustum.", "Sintorn et al. 2011, sec. 4",
+            in_test_and_set=True, in_all_work=True),
+    Counter("sample_tests", "test",
+            "A view sample is tested against a shadow frustum.", "Sintorn et al. 2011, sec. 4",
+            in_test_and_set=True, in_all_work=True),
+    Counter("map_fragments", "fragment",
+            "A shadow-map texel centre is covered by a triangle during rasterisation of the map.",
+            "Williams 1978", in_all_work=True),
+    Counter("map_texels_written", "texel",
+            "A shadow-map texel takes a nearer depth than the one it holds.", "Williams 1978", in_all_work=True),
+    Counter("map_texels_read", "texel",
+            "A shadow-map texel is read and compared with a view sample's depth.", "Williams 1978",
+            in_all_work=True),
+    Counter("rays_cast", "ray",
+            "A shadow ray is handed to a ray tracer, one per lit candidate.", "Hertel et al. 2009, sec. 4"),
+    Counter("exact_tests", "test",
+            "A sign that float64 left undecided is settled in rational arithmetic.", "shadowbench",
+            in_all_work=True),
+)
+
+COUNTERS: dict[str, Counter] = {counter.name: counter for counter in ALL_COUNTERS}

@@ -1,0 +1,80 @@
+"""Numba options and the compile cache: the only module that decides how kernels are compiled.
+
+Three rules keep every count the same on every machine, for every thread count:
+
+* No ``fastmath``, hence no reordered sums and no fused multiply-add: plain IEEE operations, in source order.
+* A parallel kernel is nothing but a ``prange`` over workers whose body *calls one serial kernel*. Each worker
+  owns a disjoint part of the output. (Numba mis-compiles ``is not None`` tests written inside a ``prange`` body,
+  so this is a rule of correctness too.)
+* The counting build and the timing build come from one source: a kernel takes a record of count arrays or the
+  literal ``None``, and guards each count with ``if counts is not None``. Numba compiles the two types apart and
+  removes the guarded code from the ``None`` build, so timed code carries no counting.
+
+The cache lives in a folder named by a digest of all package sources and of the versions of Numba, llvmlite and
+NumPy, because Numba itself notices only a change in the file of the kernel, not in the helpers that it calls.
+"""
+
+import atexit
+import hashlib
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+import llvmlite
+import numba
+import numpy
+from numba import prange
+from platformdirs import user_cache_path
+
+__all__ = ["cache_folder", "kernel", "parallel_kernel", "prange", "set_threads", "sources_digest"]
+
+
+def sources_digest() -> str:
+    """Digest of every package source and of the compiler's versions, as 16 hexadecimal digits."""
+    digest = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__} {numpy.__version__}".encode())
+    package = Path(__file__).parent
+    for path in sorted(package.rglob("*.py")):
+        digest.update(path.relative_to(package).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def cache_folder() -> Path:
+    """Create and return the folder for compiled kernels: a temporary one where the usual place is not writable.
+
+    ``NUMBA_CACHE_DIR``, where it is set, is the parent; otherwise it is the user's cache folder.
+    """
+    parent = os.environ.get("NUMBA_CACHE_DIR") or user_cache_path("shadowbench", appauthor=False)
+    folder = Path(parent) / f"kernels-{sources_digest()}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError:
+        temporary = Path(tempfile.mkdtemp(prefix="shadowbench-kernels-"))
+        atexit.register(shutil.rmtree, temporary, ignore_errors=True)
+        return temporary
+
+
+def set_threads(n_threads: int) -> None:
+    """Let parallel kernels use `n_threads` threads, dealing their workers out one at a time.
+
+    Raises
+    ------
+    ValueError
+        If `n_threads` is not between 1 and the number of threads that Numba was started with.
+    """
+    numba.set_num_threads(n_threads)
+    numba.set_parallel_chunksize(1)
+
+
+numba.config.CACHE_DIR = str(cache_folder())
+
+_OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": False}
+
+kernel = numba.njit(**_OPTIONS)
+"""Decorator of a serial kernel."""
+
+parallel_kernel = numba.njit(parallel=True, **_OPTIONS)
+"""Decorator of a parallel kernel: one ``prange`` whose body calls one serial kernel."""
