@@ -34,10 +34,9 @@ from shadowbench.kernels.tile_traversal import (
     visits_per_sample,
 )
 
-EYE_PLANES = {"none": shadow_frustum.NO_EYE_PLANES, "silhouette": shadow_frustum.SILHOUETTE_PLANES,
-              "wedge": shadow_frustum.NO_EYE_PLANES, "outline": shadow_frustum.OUTLINE_PLANES,
-              "outline+wedge": shadow_frustum.OUTLINE_PLANES}
-"""Planes through the eye for each value of `culling_planes`."""
+EYE_EDGES = {"none": 0, "silhouette": shadow_frustum.SILHOUETTE_EDGES, "wedge": 0,
+             "outline": shadow_frustum.OUTLINE_EDGES, "outline+wedge": shadow_frustum.OUTLINE_EDGES}
+"""Edges of the frustum that may give a plane through the eye, for each value of `culling_planes`."""
 
 DEPTH_BYTES_PER_TILE = 4
 """Modelled: a smallest and a largest depth of 16 bits. At 4096 x 4096 that is the 2.1 MB that the paper states."""
@@ -91,11 +90,11 @@ class Ptsv(Algorithm):
             reach = np.array([np.abs(plane_x).max(), np.abs(plane_y).max(), largest_r])
             view = shadow_frustum.View(*frame.camera[:4], frame.light.xyzw(), frame.bias, reach)
             frusta = shadow_frustum.make_frusta(frame.mesh.corners, sides, casters, view,
-                                                EYE_PLANES[params.culling_planes], "wedge" in params.culling_planes)
+                                                EYE_EDGES[params.culling_planes], "wedge" in params.culling_planes)
         shadow = empty_shadow(tree)
         counts = empty_counts(tree, len(frusta.triangle)) if probe.counting else None
         with probe.stage("traversal"):
-            planes = Planes(EYE_PLANES[params.culling_planes] != shadow_frustum.NO_EYE_PLANES,
+            planes = Planes(EYE_EDGES[params.culling_planes] > 0,
                             "wedge" in params.culling_planes, params.skip_shadowed)
             traverse(tree, frusta, planes, samples.depth, shadow, counts)
         with probe.stage("merge"):
@@ -136,8 +135,8 @@ def _record_memory(tree: TileTree, frusta: shadow_frustum.Frusta, probe: Probe) 
 def _record_counts(tree: TileTree, frusta: shadow_frustum.Frusta, counts: Counts, n_triangles: int,
                    probe: Probe) -> None:
     """Report totals, levels, triangles and the heat map from the kernels' counts."""
-    branching = int(tree.grid_x[0] * tree.grid_y[0])
-    tests = np.add.reduceat(counts.visits, tree.first[:-1]) * branching
+    branching = int(tree.levels["grid_x"][0] * tree.levels["grid_y"][0])
+    tests = np.add.reduceat(counts.visits, tree.levels["first"]) * branching
     probe.count_levels("node_tests", tests[:-1])
     probe.count("sample_tests", tests[-1])
     probe.count_levels("trivial_accepts", counts.accepts.sum(axis=0)[:-1])

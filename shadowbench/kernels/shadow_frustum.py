@@ -20,7 +20,7 @@ Sintorn et al. 2011, sec. 3.5. The *wedge* planes of Sintorn et al. 2014 contain
 (a convex combination of its vertices v, seen from the eye), e' from the light to v' (of the e) and t >= 0. Let V and
 E be the largest |v| and |e|, h <= |e'| the light's distance from the triangle's plane, and suppose that a unit normal m
 has ``m . v <= tau V`` and ``m . e <= tau |e|`` for every vertex. As ``t |e'| = |p - v'| <= |p| + V``, the value over the depth is at
-most ``tau (V R + (l + V R) E / h)``, with R the largest 1 / depth and l the longest ray at depth 1. `_tolerance` picks
+most ``tau (V R + (l + V R) E / h)``, with R the largest 1 / depth and l the longest ray at depth 1. `_limit` picks
 tau so that this stays below `SLACK`, by which the row is moved outwards; a plane that misses it is left out. The
 same holds for a wedge plane through a vertex w with ``m . (v - w) <= tau V``.
 """
@@ -38,20 +38,23 @@ CAP_ROW, WEDGE_ROW, EYE_ROW, N_ROWS = 3, 4, 7, 13
 ROW_SIZE = 4 * N_ROWS
 """float32 values per triangle."""
 
-NO_EYE_PLANES, SILHOUETTE_PLANES, OUTLINE_PLANES = 0, 1, 2
-"""Which planes through the eye are made."""
+EDGES = np.array([[0, 3, 0, 2], [1, 4, 1, 0], [2, 5, 2, 1],
+                  [0, 6, 0, 3], [1, 7, 1, 3], [2, 8, 2, 3],
+                  [3, 6, 0, 4], [4, 7, 1, 4], [5, 8, 2, 4]])
+"""Edges of a shadow frustum: two directions in the plane through the eye (see `_Shape`), and the faces on either side
+(0 to 2: side planes, side i joins vertices i and i + 1; 3: cap; 4: at infinity, the eye is inside)."""
+
+SILHOUETTE_EDGES, OUTLINE_EDGES = 3, 9
+"""How many of `EDGES` the silhouette planes and the outline planes go through."""
 
 SLACK = 2.0**-27
 """How far culling rows are moved outwards: an eighth of the float32 error, far above float64's."""
 
 ROUNDING = 16 * 2.0**-53
-"""Bounds the float64 error of m . v / |v| for unit vectors: 3 products, 2 sums and the normalisations."""
+"""Bounds the float64 error of m . v for unit vectors: 3 products, 2 sums and the normalisations."""
 
-LARGEST_TOLERANCE = 1e-9
-"""Upper limit of tau: enough for degenerate views; larger ones would turn planes visibly."""
-
-SMALLEST_SINE = 1e-9
-"""Two edges' directions closer than this define no plane: the cross product has lost half its digits."""
+SMALLEST_HALF = 1e-6
+"""Two side planes whose outward unit normals add up to less (squared) enclose a needle: no wedge plane is made."""
 
 FACING_ERROR = (7.0 + 56.0 * 2.0**-53) * 2.0**-53
 """Relative error of a rounded 3 x 3 determinant (Shewchuk 1997, o3derrboundA), with w = 0 or 1."""
@@ -95,6 +98,29 @@ class View(NamedTuple):
     reach: np.ndarray
 
 
+class _Space(NamedTuple):
+    """A `View` as tuples of float64."""
+
+    eye: tuple
+    right: tuple
+    up: tuple
+    forward: tuple
+    light: tuple
+    bias: float
+    reach: tuple
+
+
+class _Shape(NamedTuple):
+    """Directions of a frustum: 0 to 2 the vertices seen from the eye, 3 to 5 the light's rays there, 6 to 8 the edges.
+
+    Unit vectors float64 (9, 3), and the lengths (9,) that they had. Planes take the edge between two vertices rather
+    than both, since a small triangle's directions are too close for an accurate cross product.
+    """
+
+    direction: np.ndarray
+    length: np.ndarray
+
+
 @kernel
 def _minus(a, b):
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
@@ -121,15 +147,18 @@ def _sum(a, b):
 
 
 @kernel
-def _unit(a):
-    """Scale to length 1; a zero vector stays zero."""
-    length = np.sqrt(_dot(a, a))
-    return _scaled(a, 1.0 / length) if length > 0.0 else a
+def _vector(array):
+    return array[0], array[1], array[2]
 
 
 @kernel
-def _vector(array):
-    return array[0], array[1], array[2]
+def _row(array, i):
+    return array[i, 0], array[i, 1], array[i, 2]
+
+
+@kernel
+def _corner(corners, t, i):
+    return corners[t, i, 0], corners[t, i, 1], corners[t, i, 2]
 
 
 @kernel
@@ -169,7 +198,7 @@ def facing(a, b, c, light):
 def _facing_part(corners, light, sides, worker):
     n = len(corners)
     for t in range(n * worker // N_WORKERS, n * (worker + 1) // N_WORKERS):
-        sides[t] = facing(_vector(corners[t, 0]), _vector(corners[t, 1]), _vector(corners[t, 2]), light)
+        sides[t] = facing(_corner(corners, t, 0), _corner(corners, t, 1), _corner(corners, t, 2), light)
 
 
 @parallel_kernel
@@ -187,11 +216,10 @@ def find_facing(corners, light, sides):
 
 
 @kernel
-def _scale(a, b, c, d, reach):
-    """Factor that makes the weighted sum of a row's magnitudes 1 (see `lanes`)."""
-    weighted = (A_WEIGHT * abs(a) * reach[0] + B_WEIGHT * abs(b) * reach[1] + C_WEIGHT * abs(c) * reach[2]
-                + D_WEIGHT * abs(d))
-    return 1.0 / weighted if weighted > 0.0 else 0.0
+def _weight(a, b, c, d, reach):
+    """Weighted sum of a row's magnitudes, which `lanes` asks to be 1 after scaling."""
+    return (A_WEIGHT * abs(a) * reach[0] + B_WEIGHT * abs(b) * reach[1] + C_WEIGHT * abs(c) * reach[2]
+            + D_WEIGHT * abs(d))
 
 
 @kernel
@@ -200,167 +228,163 @@ def _set_row(rows, first, a, b, c, d):
 
 
 @kernel
-def _set_plane(frusta, k, row, m, c, view):
+def _set_plane(frusta, k, row, m, c, space):
     """Write a side or cap row: normal m pointing outwards, value c at the eye."""
-    a, b, d = _dot(m, view.right), _dot(m, view.up), _dot(m, view.forward)
-    scale = _scale(a, b, c, d, view.reach)
+    a, b, d = _dot(m, space.right), _dot(m, space.up), _dot(m, space.forward)
+    scale = 1.0 / _weight(a, b, c, d, space.reach)
     exact = frusta.exact_rows
     exact[k, row, 0], exact[k, row, 1], exact[k, row, 2], exact[k, row, 3] = a * scale, b * scale, c * scale, d * scale
     _set_row(frusta.rows, k * ROW_SIZE + 4 * row, a * scale, b * scale, c * scale, d * scale)
 
 
 @kernel
-def _set_culling_plane(frusta, k, row, m, c, view):
+def _set_culling_plane(frusta, k, row, m, c, space):
     """Write a culling row, moved outwards by `SLACK`."""
-    a, b, d = _dot(m, view.right), _dot(m, view.up), _dot(m, view.forward)
-    scale = _scale(a, b, c, d, view.reach)
+    a, b, d = _dot(m, space.right), _dot(m, space.up), _dot(m, space.forward)
+    scale = 1.0 / _weight(a, b, c, d, space.reach)
     _set_row(frusta.rows, k * ROW_SIZE + 4 * row, a * scale, b * scale, c * scale, d * scale - SLACK)
 
 
 @kernel
-def _side_plane(a, b, rays, i, j, side):
-    """Unit normal of the plane through the light and the edge from vertex i at a to vertex j at b, and its anchor.
-
-    The edge is taken in canonical order; the sign makes outside positive. Returns (normal, True if i comes first).
-    """
+def _side_normal(a, b, from_light_a, from_light_b, side):
+    """Outward unit normal of the plane through the light and the edge from a to b, taken in canonical order."""
     if _before(a, b):
-        m, sign = _cross(rays[i], _minus(b, a)), side
+        m, sign = _cross(from_light_a, _minus(b, a)), side
     else:
-        m, sign = _cross(rays[j], _minus(a, b)), -side
+        m, sign = _cross(from_light_b, _minus(a, b)), -side
     return _scaled(m, sign / np.sqrt(_dot(m, m)))
 
 
 @kernel
-def _tolerance(vertices, rays, normal, view):
-    """Return V and tau of the module's text; tau includes the row's scale, and is negative if no plane qualifies."""
-    reach = view.reach
-    largest_v = np.sqrt(max(_dot(vertices[0], vertices[0]), _dot(vertices[1], vertices[1]),
-                            _dot(vertices[2], vertices[2])))
-    largest_e = np.sqrt(max(_dot(rays[0], rays[0]), _dot(rays[1], rays[1]), _dot(rays[2], rays[2])))
-    height = abs(_dot(normal, rays[0])) if view.light[3] != 0.0 else largest_e
+def _value_at_eye(m, a, b, vertex_a, vertex_b):
+    """Value at the eye of the plane with normal m through the canonically first of two vertices."""
+    return -_dot(m, vertex_a if _before(a, b) else vertex_b)
+
+
+@kernel
+def _growth(shape, height, directional, reach):
+    """Factor of the module's text: V R + (l + V R) E / h, and V."""
+    largest_v = largest_e = 0.0
+    for i in range(3):
+        largest_v, largest_e = max(largest_v, shape.length[i]), max(largest_e, shape.length[3 + i])
     longest_ray = np.sqrt(1.0 + reach[0] * reach[0] + reach[1] * reach[1])
     near = largest_v * reach[2]
-    growth = near + (longest_ray + near) * largest_e / height
-    return largest_v, SLACK / growth
+    return near + (longest_ray + near) * (1.0 if directional else largest_e / height), largest_v
 
 
 @kernel
-def _widest(m, units, offsets):
-    """Smallest and largest m . v over two triples of vectors."""
-    p, q, r = _dot(m, units[0]), _dot(m, units[1]), _dot(m, units[2])
-    s, t, u = _dot(m, offsets[0]), _dot(m, offsets[1]), _dot(m, offsets[2])
-    return min(p, q, r, s, t, u), max(p, q, r, s, t, u)
+def _limit(m, c, growth, space):
+    """Largest m . u that a culling plane may show for a unit vector u, less float64's rounding (m of any length)."""
+    weight = _weight(_dot(m, space.right), _dot(m, space.up), c, _dot(m, space.forward), space.reach)
+    return SLACK * weight / growth - ROUNDING * (abs(m[0]) + abs(m[1]) + abs(m[2]))
 
 
 @kernel
-def _add_eye_plane(frusta, k, n_planes, g, h, unit_v, unit_e, tau, view):
-    """Add the plane through the eye and the directions g and h if the frustum lies on one side; return the number."""
-    m = _cross(g, h)
-    length = np.sqrt(_dot(m, m))
-    if length < SMALLEST_SINE or n_planes == N_ROWS - EYE_ROW:
-        return n_planes
-    m = _scaled(m, 1.0 / length)
-    low, high = _widest(m, unit_v, unit_e)
-    # The row will be scaled, and the tolerance with it
-    limit = min(tau / _scale(_dot(m, view.right), _dot(m, view.up), 0.0, _dot(m, view.forward), view.reach),
-                LARGEST_TOLERANCE) - ROUNDING
-    if high > limit:
-        if low < -limit:
-            return n_planes
-        m = _scaled(m, -1.0)
-    _set_culling_plane(frusta, k, EYE_ROW + n_planes, m, 0.0, view)
-    return n_planes + 1
+def _eye_plane(directions, g, h, growth, space):
+    """Outward normal of the plane through the eye and two directions, or zero if it does not bound the frustum."""
+    m = _cross(_row(directions, g), _row(directions, h))
+    low = high = 0.0
+    for i in range(6):
+        value = _dot(m, _row(directions, i))
+        low, high = min(low, value), max(high, value)
+    limit = _limit(m, 0.0, growth, space)
+    if high <= limit:
+        return m
+    return _scaled(m, -1.0 if low >= -limit else 0.0)
 
 
 @kernel
-def _eye_planes(frusta, k, kind, vertices, rays, outside, tau, view):
-    """Write the outline planes, or only the silhouette planes.
-
-    `outside` tells for the side plane of each edge (i, i + 1) and for the cap plane whether the eye is outside.
-    """
-    unit_v = _unit(vertices[0]), _unit(vertices[1]), _unit(vertices[2])
-    unit_e = _unit(rays[0]), _unit(rays[1]), _unit(rays[2])
-    n_planes = 0
-    for i in range(3):
-        j, previous = (i + 1) % 3, (i + 2) % 3
-        if outside[i] != outside[previous]:
-            n_planes = _add_eye_plane(frusta, k, n_planes, unit_v[i], unit_e[i], unit_v, unit_e, tau, view)
-        if kind == OUTLINE_PLANES:
-            if outside[i] != outside[3]:
-                n_planes = _add_eye_plane(frusta, k, n_planes, unit_v[i], unit_v[j], unit_v, unit_e, tau, view)
-            if outside[i]:
-                n_planes = _add_eye_plane(frusta, k, n_planes, unit_e[i], unit_e[j], unit_v, unit_e, tau, view)
+def _eye_planes(frusta, k, n_edges, shape, outside, growth, space):
+    """Write the planes through the eye and the outline's edges, among the first `n_edges` of `EDGES`."""
+    row = EYE_ROW
+    for edge in range(n_edges):
+        if outside[EDGES[edge, 2]] != outside[EDGES[edge, 3]] and row < N_ROWS:
+            m = _eye_plane(shape.direction, EDGES[edge, 0], EDGES[edge, 1], growth, space)
+            if m[0] != 0.0 or m[1] != 0.0 or m[2] != 0.0:
+                _set_culling_plane(frusta, k, row, m, 0.0, space)
+                row += 1
 
 
 @kernel
-def _wedge_planes(frusta, k, sides, vertices, rays, largest_v, tau, view):
-    """Write the wedge plane of every vertex where it bounds the frustum (Sintorn et al. 2014, sec. 3)."""
-    unit_e = _unit(rays[0]), _unit(rays[1]), _unit(rays[2])
-    for i in range(3):
-        half = _unit(_sum(sides[i], sides[(i + 2) % 3]))
-        # Remove what rounding left along the ray, so that the plane contains the light
-        m = _minus(half, _scaled(unit_e[i], _dot(half, unit_e[i])))
-        length = np.sqrt(_dot(m, m))
-        if not length > 0.5:
-            continue
-        m = _scaled(m, 1.0 / length)
-        at = vertices[i]
-        s = 1.0 / largest_v
-        offsets = (_scaled(_minus(vertices[0], at), s), _scaled(_minus(vertices[1], at), s),
-                   _scaled(_minus(vertices[2], at), s))
-        c = -_dot(m, at)
-        limit = tau / _scale(_dot(m, view.right), _dot(m, view.up), c, _dot(m, view.forward), view.reach)
-        if _widest(m, unit_e, offsets)[1] <= min(limit, LARGEST_TOLERANCE) - ROUNDING:
-            _set_culling_plane(frusta, k, WEDGE_ROW + i, m, c, view)
+def _wedge_plane(frusta, k, i, side_a, side_b, shape, growth, largest_v, space):
+    """Write the wedge plane of vertex i, between two side planes, if it bounds the frustum."""
+    half = _sum(side_a, side_b)
+    if _dot(half, half) < SMALLEST_HALF:
+        return
+    # Remove what rounding left along the ray, so that the plane contains the light
+    ray = _row(shape.direction, 3 + i)
+    m = _minus(half, _scaled(ray, _dot(half, ray)))
+    vertex = _scaled(_row(shape.direction, i), shape.length[i])
+    c = -_dot(m, vertex)
+    limit = _limit(m, c, growth, space)
+    for j in range(3):
+        other = _scaled(_row(shape.direction, j), shape.length[j])
+        if _dot(m, _minus(other, vertex)) > limit * largest_v or _dot(m, _row(shape.direction, 3 + j)) > limit:
+            return
+    _set_culling_plane(frusta, k, WEDGE_ROW + i, m, c, space)
 
 
 @kernel
-def _make_frustum(k, corners, side, view, eye_planes, wedge_planes, frusta):
+def _set_direction(shape, i, v):
+    """Store one direction and its length."""
+    length = np.sqrt(_dot(v, v))
+    scale = 1.0 / length if length > 0.0 else 0.0
+    shape.length[i] = length
+    shape.direction[i, 0], shape.direction[i, 1], shape.direction[i, 2] = v[0] * scale, v[1] * scale, v[2] * scale
+
+
+@kernel
+def _make_frustum(k, corners, side, space, eye_edges, wedge_planes, shape, frusta):
     """Write all rows of one frustum."""
     t = frusta.triangle[k]
-    p = _vector(corners[t, 0]), _vector(corners[t, 1]), _vector(corners[t, 2])
-    vertices = _minus(p[0], view.eye), _minus(p[1], view.eye), _minus(p[2], view.eye)
-    rays = _from_light(p[0], view.light), _from_light(p[1], view.light), _from_light(p[2], view.light)
+    p, q, s = _corner(corners, t, 0), _corner(corners, t, 1), _corner(corners, t, 2)
+    vp, vq, vs = _minus(p, space.eye), _minus(q, space.eye), _minus(s, space.eye)
+    ep, eq, es = _from_light(p, space.light), _from_light(q, space.light), _from_light(s, space.light)
     # Cap plane: towards the light is outside
-    normal = _cross(_minus(p[1], p[0]), _minus(p[2], p[0]))
+    normal = _cross(_minus(q, p), _minus(s, p))
     normal = _scaled(normal, side / np.sqrt(_dot(normal, normal)))
-    height = -_dot(normal, vertices[0])
-    _set_plane(frusta, k, CAP_ROW, normal, height + view.bias, view)
-    # Side planes, anchored at the edge's first vertex in canonical order
-    s0 = _side_plane(p[0], p[1], rays, 0, 1, side)
-    s1 = _side_plane(p[1], p[2], rays, 1, 2, side)
-    s2 = _side_plane(p[2], p[0], rays, 2, 0, side)
-    c0 = -_dot(s0, vertices[0] if _before(p[0], p[1]) else vertices[1])
-    c1 = -_dot(s1, vertices[1] if _before(p[1], p[2]) else vertices[2])
-    c2 = -_dot(s2, vertices[2] if _before(p[2], p[0]) else vertices[0])
-    _set_plane(frusta, k, 0, s0, c0, view)
-    _set_plane(frusta, k, 1, s1, c1, view)
-    _set_plane(frusta, k, 2, s2, c2, view)
+    height = -_dot(normal, vp)
+    _set_plane(frusta, k, CAP_ROW, normal, height + space.bias, space)
+    # Side planes
+    m0, m1, m2 = (_side_normal(p, q, ep, eq, side), _side_normal(q, s, eq, es, side), _side_normal(s, p, es, ep, side))
+    c0, c1, c2 = (_value_at_eye(m0, p, q, vp, vq), _value_at_eye(m1, q, s, vq, vs), _value_at_eye(m2, s, p, vs, vp))
+    _set_plane(frusta, k, 0, m0, c0, space)
+    _set_plane(frusta, k, 1, m1, c1, space)
+    _set_plane(frusta, k, 2, m2, c2, space)
     # Culling planes
-    for row in range(WEDGE_ROW, N_ROWS):
-        _set_row(frusta.rows, k * ROW_SIZE + 4 * row, 0.0, 0.0, 0.0, -1.0)
-    largest_v, tau = _tolerance(vertices, rays, normal, view)
+    for i in range(4 * WEDGE_ROW, ROW_SIZE):
+        frusta.rows[k * ROW_SIZE + i] = -1.0 if i % 4 == 3 else 0.0
+    if eye_edges == 0 and not wedge_planes:
+        return
+    for i, v in enumerate((vp, vq, vs, ep, eq, es, _minus(q, p), _minus(s, q), _minus(p, s))):
+        _set_direction(shape, i, v)
+    growth, largest_v = _growth(shape, abs(_dot(normal, ep)), space.light[3] == 0.0, space.reach)
     if wedge_planes:
-        _wedge_planes(frusta, k, (s0, s1, s2), vertices, rays, largest_v, tau, view)
-    if eye_planes != NO_EYE_PLANES:
-        outside = c0 > 0.0, c1 > 0.0, c2 > 0.0, height > 0.0
-        _eye_planes(frusta, k, eye_planes, vertices, rays, outside, tau, view)
+        _wedge_plane(frusta, k, 0, m2, m0, shape, growth, largest_v, space)
+        _wedge_plane(frusta, k, 1, m0, m1, shape, growth, largest_v, space)
+        _wedge_plane(frusta, k, 2, m1, m2, shape, growth, largest_v, space)
+    outside = c0 > 0.0, c1 > 0.0, c2 > 0.0, height > 0.0, False
+    _eye_planes(frusta, k, eye_edges, shape, outside, growth, space)
 
 
 @kernel
-def _frusta_part(corners, sides, view, eye_planes, wedge_planes, frusta, worker):
+def _frusta_part(corners, sides, view, eye_edges, wedge_planes, frusta, worker):
     n = len(frusta.triangle)
+    light, reach = view.light, view.reach
+    space = _Space(_vector(view.eye), _vector(view.right), _vector(view.up), _vector(view.forward),
+                   (light[0], light[1], light[2], light[3]), view.bias, _vector(reach))
+    shape = _Shape(np.empty((9, 3)), np.empty(9))
     for k in range(n * worker // N_WORKERS, n * (worker + 1) // N_WORKERS):
-        _make_frustum(k, corners, sides[frusta.triangle[k]], view, eye_planes, wedge_planes, frusta)
+        _make_frustum(k, corners, sides[frusta.triangle[k]], space, eye_edges, wedge_planes, shape, frusta)
 
 
 @parallel_kernel
-def _fill_frusta(corners, sides, view, eye_planes, wedge_planes, frusta):
+def _fill_frusta(corners, sides, view, eye_edges, wedge_planes, frusta):
     for worker in prange(N_WORKERS):
-        _frusta_part(corners, sides, view, eye_planes, wedge_planes, frusta, worker)
+        _frusta_part(corners, sides, view, eye_edges, wedge_planes, frusta, worker)
 
 
-def make_frusta(corners, sides, casters, view, eye_planes, wedge_planes):
+def make_frusta(corners, sides, casters, view, eye_edges, wedge_planes):
     """Set up the shadow frusta of all triangles that cast.
 
     Parameters
@@ -369,11 +393,11 @@ def make_frusta(corners, sides, casters, view, eye_planes, wedge_planes):
     sides : int8 (n_triangles,), from `find_facing`; triangles with 0 cast nothing.
     casters : bool (n_triangles,), the triangles that may cast, or None for all.
     view : camera, light, bias and the reach of the samples.
-    eye_planes : NO_EYE_PLANES, SILHOUETTE_PLANES or OUTLINE_PLANES.
+    eye_edges : how many of `EDGES` may give planes through the eye: 0, SILHOUETTE_EDGES or OUTLINE_EDGES.
     wedge_planes : True to make the wedge planes.
     """
     casting = sides != 0 if casters is None else (sides != 0) & casters
     triangle = np.flatnonzero(casting)
     frusta = Frusta(triangle, np.empty(len(triangle) * ROW_SIZE, np.float32), np.empty((len(triangle), 4, 4)))
-    _fill_frusta(corners, sides, view, eye_planes, wedge_planes, frusta)
+    _fill_frusta(corners, sides, view, eye_edges, wedge_planes, frusta)
     return frusta

@@ -26,7 +26,6 @@ N_WORKERS = 64
 """Parts that the root tests and the rows of the merge are cut into."""
 
 _STACK_SIZE = 1024     # a node leaves at most branching - 1 siblings per level: 63 * 7 levels, or 3 * 20
-_ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
 _COLUMN_BITS = 28      # a stack entry packs level, row and column
 
 
@@ -89,14 +88,14 @@ class Counts(NamedTuple):
 
 def empty_shadow(tree):
     """Allocate a shadow buffer without shadow."""
-    n_tiles = tree.columns[-1] * tree.rows[-1]
+    n_tiles = tree.levels["columns"][-1] * tree.levels["rows"][-1]
     return Shadow(np.zeros(len(tree.occupied), np.uint8), np.zeros(n_tiles, np.uint64), tree.occupied.copy())
 
 
 def empty_counts(tree, n_frusta):
     """Allocate counts of zero."""
-    branching = int(tree.grid_x[0] * tree.grid_y[0])
-    levels = (branching, len(tree.columns))
+    branching = int(tree.levels["grid_x"][0] * tree.levels["grid_y"][0])
+    levels = (branching, len(tree.levels))
     return Counts(np.zeros(len(tree.occupied), np.int64), np.zeros((branching, n_frusta), np.int32),
                   np.zeros(levels, np.int64), np.zeros(levels, np.int64), np.zeros(levels, np.int64),
                   np.zeros(branching, np.int64))
@@ -106,8 +105,8 @@ def empty_counts(tree, n_frusta):
 def _test_node(tree, frusta, planes, k, level, row, column, node, open_children):
     """Test the children of a node; returns masks (not rejected, not certainly inside)."""
     lanes = tree.n_chunks * LANES
-    x0 = tree.first_x[level] + column * (2 * LANES)
-    y0 = tree.first_y[level] + row * (2 * lanes)
+    x0 = level.first_x + column * (2 * LANES)
+    y0 = level.first_y + row * (2 * lanes)
     r0 = node * (2 * lanes)
     first = k * ROW_SIZE
     alive = open_children
@@ -126,9 +125,9 @@ def _test_node(tree, frusta, planes, k, level, row, column, node, open_children)
 
 @kernel
 def _root_part(tree, frusta, planes, tests, worker):
-    n = len(frusta.triangle)
+    n, root = len(frusta.triangle), tree.levels[0]
     for k in range(n * worker // N_WORKERS, n * (worker + 1) // N_WORKERS):
-        tests.alive[k], tests.partial[k] = _test_node(tree, frusta, planes, k, 0, 0, 0, 0, tree.occupied[0])
+        tests.alive[k], tests.partial[k] = _test_node(tree, frusta, planes, k, root, 0, 0, 0, tree.occupied[0])
 
 
 @parallel_kernel
@@ -152,10 +151,9 @@ def _inside_in_float64(exact_rows, k, x, y, r):
 @kernel
 def _test_samples(tree, frusta, k, row, column, tile, candidates, depth):
     """Test the samples of a tile; returns (mask in shadow, mask decided in float64)."""
-    last = len(tree.columns) - 1
-    grid_x = tree.grid_x[last]
-    x0 = tree.first_x[last] + column * (2 * LANES)
-    y0 = tree.first_y[last] + row * (2 * tree.n_chunks * LANES)
+    level = tree.levels[-1]
+    x0 = level.first_x + column * (2 * LANES)
+    y0 = level.first_y + row * (2 * tree.n_chunks * LANES)
     outside, unsure = classify_samples(frusta.rows, k * ROW_SIZE, tree.x, x0, 0, tree.y, y0, tree.r,
                                        samples_offset(tree, tile), tree.n_chunks, candidates)
     inside = candidates & ~outside
@@ -165,21 +163,22 @@ def _test_samples(tree, frusta, k, row, column, tile, candidates, depth):
         lane = lowest_bit(rest)
         bit = np.uint64(1) << np.uint64(lane)
         rest ^= bit
-        sample_row, sample_column = row * tree.grid_y[last] + lane // grid_x, column * grid_x + lane % grid_x
-        r = 1.0 / depth[sample_row * len(tree.plane_x) + sample_column]
-        if not _inside_in_float64(frusta.exact_rows, k, tree.plane_x[sample_column], tree.plane_y[sample_row], r):
+        y, x = row * level.grid_y + lane // level.grid_x, column * level.grid_x + lane % level.grid_x
+        r = 1.0 / depth[y * len(tree.plane_x) + x]
+        if not _inside_in_float64(frusta.exact_rows, k, tree.plane_x[x], tree.plane_y[y], r):
             inside ^= bit
     return inside, undecided
 
 
 @kernel
-def _close(tree, shadow, level, row, column):
+def _close(tree, shadow, index, row, column):
     """Tell the ancestors below the root, as far as it matters, that a tile has nothing left to test."""
-    while level > 1:
-        level -= 1
-        lane = row % tree.grid_y[level] * tree.grid_x[level] + column % tree.grid_x[level]
-        row, column = row // tree.grid_y[level], column // tree.grid_x[level]
-        node = tree.first[level] + row * tree.columns[level] + column
+    while index > 1:
+        index -= 1
+        level = tree.levels[index]
+        lane = row % level.grid_y * level.grid_x + column % level.grid_x
+        row, column = row // level.grid_y, column // level.grid_x
+        node = level.first + row * level.columns + column
         shadow.open[node] &= ~(np.uint64(1) << np.uint64(lane))
         if shadow.open[node] != 0:
             return
@@ -188,82 +187,83 @@ def _close(tree, shadow, level, row, column):
 @kernel
 def _traverse(tree, frusta, planes, k, row, column, depth, shadow, stack, worker, counts):
     """Walk one frustum through the tree below the root's child (row, column)."""
-    last = len(tree.columns) - 1
+    last = len(tree.levels) - 1
     low_bits = (1 << _COLUMN_BITS) - 1
     stack[0] = ((1 << _COLUMN_BITS) + row << _COLUMN_BITS) + column
     n_stacked = 1
     while n_stacked > 0:
         n_stacked -= 1
         entry = stack[n_stacked]
-        level, row, column = entry >> 2 * _COLUMN_BITS, entry >> _COLUMN_BITS & low_bits, entry & low_bits
-        tile = row * tree.columns[level] + column
-        node = tree.first[level] + tile
+        index, row, column = entry >> 2 * _COLUMN_BITS, entry >> _COLUMN_BITS & low_bits, entry & low_bits
+        level = tree.levels[index]
+        tile = row * level.columns + column
+        node = level.first + tile
         candidates = shadow.open[node]
         if counts is not None:
             counts.visits[node] += 1
             counts.frustum_visits[worker, k] += 1
-        if level == last:
-            inside, undecided = _test_samples(tree, frusta, k, row, column, tile, candidates, depth)
-            shadow.samples[tile] |= inside
-            closed = inside
+        if index == last:
+            closed, undecided = _test_samples(tree, frusta, k, row, column, tile, candidates, depth)
+            shadow.samples[tile] |= closed
             if counts is not None:
                 counts.retries[worker] += count_bits(undecided)
         else:
             alive, partial = _test_node(tree, frusta, planes, k, level, row, column, node, candidates)
             closed = alive & ~partial
             if counts is not None:
-                counts.rejects[worker, level] += count_bits(candidates & ~alive)
-                counts.accepts[worker, level] += count_bits(closed)
-                counts.refinements[worker, level] += count_bits(partial)
-            grid_x, grid_y = tree.grid_x[level], tree.grid_y[level]
+                counts.rejects[worker, index] += count_bits(candidates & ~alive)
+                counts.accepts[worker, index] += count_bits(closed)
+                counts.refinements[worker, index] += count_bits(partial)
             while alive != 0:
                 lane = lowest_bit(alive)
                 bit = np.uint64(1) << np.uint64(lane)
                 alive ^= bit
-                child_row, child_column = row * grid_y + lane // grid_x, column * grid_x + lane % grid_x
+                child_row = row * level.grid_y + lane // level.grid_x
+                child_column = column * level.grid_x + lane % level.grid_x
                 if partial & bit != 0:
-                    stack[n_stacked] = ((level + 1 << _COLUMN_BITS) + child_row << _COLUMN_BITS) + child_column
+                    stack[n_stacked] = ((index + 1 << _COLUMN_BITS) + child_row << _COLUMN_BITS) + child_column
                     n_stacked += 1
                 else:
-                    shadow.full[tree.first[level + 1] + child_row * tree.columns[level + 1] + child_column] = 1
+                    below = tree.levels[index + 1]
+                    shadow.full[below.first + child_row * below.columns + child_column] = 1
         if planes.skip_shadowed and closed != 0:
             shadow.open[node] = candidates & ~closed
             if shadow.open[node] == 0:
-                _close(tree, shadow, level, row, column)
+                _close(tree, shadow, index, row, column)
 
 
 @kernel
 def _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts):
     """Walk all frusta through the root's child `worker`."""
-    row, column = worker // tree.grid_x[0], worker % tree.grid_x[0]
-    if row >= tree.rows[1] or column >= tree.columns[1]:
+    root, level = tree.levels[0], tree.levels[1]
+    row, column = worker // root.grid_x, worker % root.grid_x
+    if row >= level.rows or column >= level.columns:
         return
-    node = tree.first[1] + row * tree.columns[1] + column
+    node = level.first + row * level.columns + column
     stack = np.empty(_STACK_SIZE, np.int64)
-    shift = np.uint64(worker)
+    bit = np.uint64(1) << np.uint64(worker)
     for k in range(len(frusta.triangle)):
-        if tests.alive[k] >> shift & np.uint64(1) == 0:
+        if tests.alive[k] & bit == 0:
             if counts is not None and shadow.open[node] != 0:
                 counts.rejects[worker, 0] += 1
             continue
         if planes.skip_shadowed and shadow.open[node] == 0:
             return
+        accepted = tests.partial[k] & bit == 0
         if counts is not None:
-            if tests.partial[k] >> shift & np.uint64(1) == 0:
-                counts.accepts[worker, 0] += 1
-            else:
-                counts.refinements[worker, 0] += 1
-        if tests.partial[k] >> shift & np.uint64(1) != 0:
-            _traverse(tree, frusta, planes, k, row, column, depth, shadow, stack, worker, counts)
-        else:
+            counts.accepts[worker, 0] += accepted
+            counts.refinements[worker, 0] += not accepted
+        if accepted:
             shadow.full[node] = 1
             if planes.skip_shadowed:
                 shadow.open[node] = 0
+        else:
+            _traverse(tree, frusta, planes, k, row, column, depth, shadow, stack, worker, counts)
 
 
 @parallel_kernel
 def _traverse_tiles(tree, frusta, planes, tests, depth, shadow, counts):
-    for worker in prange(tree.grid_x[0] * tree.grid_y[0]):
+    for worker in prange(tree.levels[0].grid_x * tree.levels[0].grid_y):
         _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts)
 
 
@@ -289,24 +289,31 @@ def traverse(tree, frusta, planes, depth, shadow, counts):
 
 
 @kernel
+def _tile_bits(tree, shadow, row, column):
+    """Samples of a tile of the last level that are in shadow by themselves or with one of their tiles."""
+    bits = shadow.samples[row * tree.levels[-1].columns + column]
+    occupied = tree.occupied[tree.levels[-1].first + row * tree.levels[-1].columns + column]
+    for index in range(len(tree.levels) - 1, 0, -1):
+        level = tree.levels[index]
+        node = level.first + row * level.columns + column
+        if shadow.full[node] != 0:
+            return occupied
+        above = tree.levels[index - 1]
+        row, column = row // above.grid_y, column // above.grid_x
+    return bits
+
+
+@kernel
 def _merge_rows(tree, shadow, worker, merged):
     """Fill the samples of a band of tile rows from the tiles' bits and their ancestors'."""
-    last = len(tree.columns) - 1
-    grid_x, grid_y, n_columns = tree.grid_x[last], tree.grid_y[last], len(tree.plane_x)
-    for row in range(tree.rows[last] * worker // N_WORKERS, tree.rows[last] * (worker + 1) // N_WORKERS):
-        for column in range(tree.columns[last]):
-            bits = shadow.samples[row * tree.columns[last] + column]
-            level, tile_row, tile_column = last, row, column
-            while level > 0:
-                if shadow.full[tree.first[level] + tile_row * tree.columns[level] + tile_column] != 0:
-                    bits = _ALL
-                level -= 1
-                tile_row, tile_column = tile_row // tree.grid_y[level], tile_column // tree.grid_x[level]
-            bits &= tree.occupied[tree.first[last] + row * tree.columns[last] + column]
-            for iy in range(min(grid_y, len(tree.plane_y) - row * grid_y)):
-                sample = (row * grid_y + iy) * n_columns + column * grid_x
-                for ix in range(min(grid_x, n_columns - column * grid_x)):
-                    merged[sample + ix] = bits >> np.uint64(iy * grid_x + ix) & np.uint64(1)
+    level, n_columns = tree.levels[-1], len(tree.plane_x)
+    for row in range(level.rows * worker // N_WORKERS, level.rows * (worker + 1) // N_WORKERS):
+        for column in range(level.columns):
+            bits = _tile_bits(tree, shadow, row, column)
+            for iy in range(min(level.grid_y, len(tree.plane_y) - row * level.grid_y)):
+                sample = (row * level.grid_y + iy) * n_columns + column * level.grid_x
+                for ix in range(min(level.grid_x, n_columns - column * level.grid_x)):
+                    merged[sample + ix] = bits >> np.uint64(iy * level.grid_x + ix) & np.uint64(1)
 
 
 @parallel_kernel
@@ -322,31 +329,14 @@ def merge_shadow(tree, shadow):
     return merged
 
 
-@kernel
-def _visits_rows(tree, visits, worker, per_sample):
-    """Add up, for a band of rows of samples, the visits of the tiles that contain each."""
-    n_rows, n_columns = len(tree.plane_y), len(tree.plane_x)
-    for row in range(n_rows * worker // N_WORKERS, n_rows * (worker + 1) // N_WORKERS):
-        for column in range(n_columns):
-            total = 0
-            tile_row, tile_column = row, column
-            for level in range(len(tree.columns) - 1, -1, -1):
-                tile_row, tile_column = tile_row // tree.grid_y[level], tile_column // tree.grid_x[level]
-                total += visits[tree.first[level] + tile_row * tree.columns[level] + tile_column]
-            per_sample[row * n_columns + column] = total
-
-
-@parallel_kernel
-def _visits(tree, visits, per_sample):
-    for worker in prange(N_WORKERS):
-        _visits_rows(tree, visits, worker, per_sample)
-
-
 def visits_per_sample(tree, visits):
     """Tests of tiles that contain each sample, and of the sample itself, int64 (n_samples,).
 
     A visit of a node tests each of its children once, and one of those contains the sample.
     """
-    per_sample = np.empty(len(tree.plane_x) * len(tree.plane_y), np.int64)
-    _visits(tree, visits, per_sample)
-    return per_sample
+    row, column = np.arange(len(tree.plane_y)), np.arange(len(tree.plane_x))
+    per_sample = np.zeros((len(row), len(column)), np.int64)
+    for level in tree.levels[::-1]:
+        row, column = row // level["grid_y"], column // level["grid_x"]
+        per_sample += visits[level["first"] + row[:, None] * level["columns"] + column]
+    return per_sample.reshape(-1)
