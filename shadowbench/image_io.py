@@ -52,7 +52,7 @@ def write_exr(path: Path, channels: dict[str, NDArray]) -> None:
         else:
             pixels[..., i] = values
             formats.append("float")
-    spec = oiio.ImageSpec(columns, rows, len(names), "float")
+    spec = oiio.ImageSpec(columns, rows, len(names), "uint" if set(formats) == {"uint"} else "float")
     spec.channelnames = tuple(names)
     spec.channelformats = tuple(oiio.TypeDesc(f) for f in formats)
     spec.attribute("compression", "zip:1")
