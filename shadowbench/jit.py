@@ -19,15 +19,19 @@ import hashlib
 import os
 import shutil
 import tempfile
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Self
 
 import llvmlite
 import numba
 import numpy
 from numba import prange
+from numba.core.event import Event, Listener, register, unregister
 from platformdirs import user_cache_path
 
-__all__ = ["cache_folder", "kernel", "parallel_kernel", "prange", "set_threads", "sources_digest"]
+__all__ = ["CompileWatch", "cache_folder", "kernel", "parallel_kernel", "prange", "set_threads", "sources_digest"]
 
 
 def sources_digest() -> str:
@@ -78,3 +82,40 @@ kernel = numba.njit(**_OPTIONS)
 
 parallel_kernel = numba.njit(parallel=True, **_OPTIONS)
 """Decorator of a parallel kernel: one ``prange`` whose body calls one serial kernel."""
+
+
+class CompileWatch(Listener):
+    """Tells when Numba compiles (rather than loads from the cache), and how long that takes.
+
+    Use as a context: ``with CompileWatch(lambda: print("compiling")) as watch``, then read ``watch.seconds``.
+
+    Parameters
+    ----------
+    announce : called once, when the first compilation starts.
+    """
+
+    def __init__(self, announce: Callable[[], None]) -> None:
+        self.seconds = 0.0
+        self._announce = announce
+        self._depth = 0
+
+    def on_start(self, event: Event) -> None:
+        """Note the start of a compilation; those nested in another are part of it."""
+        if self._depth == 0:
+            if self.seconds == 0.0:
+                self._announce()
+            self._start = time.perf_counter()
+        self._depth += 1
+
+    def on_end(self, event: Event) -> None:
+        """Add up the time of an outermost compilation."""
+        self._depth -= 1
+        if self._depth == 0:
+            self.seconds += time.perf_counter() - self._start
+
+    def __enter__(self) -> Self:
+        register("numba:compile", self)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        unregister("numba:compile", self)

@@ -50,3 +50,6 @@ ALL_ALGORITHMS: tuple[Entry, ...] = (
 )
 
 ALGORITHMS: dict[str, Entry] = {entry.name: entry for entry in ALL_ALGORITHMS}
+
+PEERS: frozenset[str] = frozenset(entry.name for entry in ALL_ALGORITHMS if entry.extra == "peers")
+"""Other people's ray tracers: measured beside the methods, but their answers may depend on the machine."""
