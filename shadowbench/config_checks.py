@@ -5,6 +5,7 @@ Each section is checked by itself, so that one bad section hides nothing in anot
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,21 +14,24 @@ from pydantic import BaseModel, ValidationError, create_model
 from shadowbench.algorithm_specs import check_algorithms, check_matrix
 from shadowbench.scene_models import (
     CameraConfig,
+    CheckedSection,
     GenerateEntry,
     LightConfig,
     MeshEntry,
     Placement,
     SceneConfig,
-    Section,
 )
+from shadowbench.scene_types import Section
 from shadowbench.scenes import SCENES
 from shadowbench.templates import usable_name
 from shadowbench.validation import Fault, describe, did_you_mean, faults_of
 from shadowbench.yaml_positions import Document, KeyPath, Mark, Problem
 
 Model = TypeVar("Model", bound=BaseModel)
+Checked = TypeVar("Checked", bound=CheckedSection)
 
 _BY_PYDANTIC = ("name", "camera", "light", "image", "frames", "bias")
+_CHECKED: dict[str, type[CheckedSection]] = {"camera": CameraConfig, "light": LightConfig}
 
 
 def check_document(document: Document) -> tuple[SceneConfig | None, list[Problem]]:
@@ -47,6 +51,15 @@ def check_document(document: Document) -> tuple[SceneConfig | None, list[Problem
 def _overridden(document: Document, problem: Problem) -> bool:
     """True if a problem is reported under the name of an override."""
     return document.line(problem).startswith("-D ")
+
+
+@cache
+def _one_key_model(model: type[Section], key: str) -> type[Section]:
+    """Make a model that has one key of another, so that each key can be checked by itself."""
+    field = model.model_fields[key]
+    made: type[Section] = create_model(f"{model.__name__}.{key}", __base__=Section,
+                                       **{key: (field.annotation, field)})  # type: ignore[call-overload]
+    return made
 
 
 class _Checker:
@@ -78,6 +91,28 @@ class _Checker:
             self.add_faults(path, faults_of(error, model, value))
             return None
 
+    def checked_section(self, model: type[Checked], value: Any, path: KeyPath) -> Checked | None:
+        """Check a section key by key, and then what its good keys say together, so that no error hides another.
+
+        Returns
+        -------
+        The section; without its bad keys if it has some, and None if it is no mapping.
+        """
+        if not isinstance(value, dict):
+            self.add(path, f"must be a mapping, not {describe(value)}")
+            return None
+        good: dict[str, Any] = {}
+        for key in value:
+            if key not in model.model_fields:
+                self.add((*path, key), f"unknown key; {did_you_mean(key, model.model_fields)}", of_key=True)
+            else:
+                checked = self.validate(_one_key_model(model, key), {key: value[key]}, path)
+                good |= {} if checked is None else {key: getattr(checked, key)}
+        section = model.model_construct(**good)
+        for where, message in section.conflicts(bad=set(value) - set(good)):
+            self.add((*path, *where), message)
+        return section
+
     def run(self) -> SceneConfig | None:
         """Check everything."""
         value = self.document.value
@@ -98,13 +133,10 @@ class _Checker:
         return None if self.problems else SceneConfig(**sections)
 
     def section(self, key: str, value: Any) -> Any:
-        """Check one top-level key by its field of `SceneConfig`."""
-        field = SceneConfig.model_fields[key]
-        if key in ("camera", "light") and value is None:
-            self.add((key,), "must be a mapping, not nothing")
-            return None
-        model = create_model("TopLevel", __base__=Section, **{key: (field.annotation, field)})  # type: ignore[call-overload]
-        checked = self.validate(model, {key: value}, ())
+        """Check one top-level key."""
+        if key in _CHECKED:
+            return self.checked_section(_CHECKED[key], value, (key,))
+        checked = self.validate(_one_key_model(SceneConfig, key), {key: value}, ())
         return None if checked is None else getattr(checked, key)
 
     def geometry(self, value: dict[str, Any]) -> tuple[Placement | None, ...]:

@@ -1,102 +1,53 @@
-"""What a scene file may hold: the pydantic models, their limits and defaults.
-
-Numbers are strict: text and truth values are no numbers, and infinities and NaN are refused. Unknown keys are errors.
-A validator that blames one key inside its section raises `problem_at`.
-"""
+"""What a scene file may hold: the pydantic models of its sections, and their defaults."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Collection, Iterator
+from typing import Annotated, Any
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    StrictBool,
-    StrictStr,
-    WithJsonSchema,
-    model_validator,
+from pydantic import BeforeValidator, Field, StrictBool, StrictStr, model_validator
+
+from shadowbench.scene_types import (
+    Bias,
+    Color,
+    FrameIndex,
+    Frames,
+    Name,
+    Positive,
+    Samples,
+    Scale,
+    Section,
+    Seed,
+    Side,
+    TriangleCount,
+    Unit,
+    Vector,
+    filled_list,
+    problem_at,
 )
-from pydantic_core import PydanticCustomError
-
 from shadowbench.yaml_positions import KeyPath
 
-MAX_COORDINATE = 1e12
-"""Largest coordinate: its third power is still a float32, so nothing computed from it overflows."""
-MAX_IMAGE = 8192
-"""Largest image side: the cluster keys hold 32 bits up to here."""
 _UP_TOLERANCE = 1e-24
 """Least squared sine of the angle between up and view, as in `shadowbench.geometry.Camera.basis`."""
 
 
-def problem_at(path: KeyPath, message: str) -> PydanticCustomError:
-    """Make the error that says `message` of the key at `path` inside the section that is validated."""
-    return PydanticCustomError("problem", "{message}", {"message": message, "path": path})
+class CheckedSection(Section):
+    """A section whose keys depend on each other."""
 
+    def conflicts(self, bad: Collection[str] = ()) -> Iterator[tuple[KeyPath, str]]:
+        """Say at which keys the section contradicts itself, and how.
 
-def _three_numbers(value: Any) -> Any:
-    """Refuse anything but a list of three before its elements are looked at."""
-    if not isinstance(value, list | tuple) or len(value) != 3:
-        raise problem_at((), "must be a list of 3 numbers")
-    return value
+        Parameters
+        ----------
+        bad : keys whose values are wrong by themselves: what depends on them is not looked at.
+        """
+        raise NotImplementedError
 
-
-def _filled_list(value: Any) -> Any:
-    """Refuse anything but a list of at least one."""
-    if not isinstance(value, list | tuple) or not value:
-        raise problem_at((), "must be a list with at least one item")
-    return value
-
-
-def _scale(value: Any) -> Any:
-    """Let one number stand for three equal ones."""
-    if isinstance(value, list | tuple):
-        return _three_numbers(value)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise problem_at((), "must be a number or a list of 3 numbers")
-    return (value, value, value)
-
-
-def _bias(value: Any) -> Any:
-    """Accept ``auto`` or a number from 0 up."""
-    if value == "auto" or (isinstance(value, int | float) and not isinstance(value, bool) and value >= 0):
-        return value
-    raise problem_at((), "must be auto or a number from 0 up")
-
-
-def _power_of_two(value: int) -> int:
-    """Accept the sample counts for which sample positions are defined."""
-    if value not in (1, 2, 4, 8, 16):
-        raise problem_at((), f"must be 1, 2, 4, 8 or 16, not {value}")
-    return value
-
-
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-MAX_COORDINATE, le=MAX_COORDINATE)]
-Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=MAX_COORDINATE)]
-Unit = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1)]
-Vector = Annotated[tuple[Number, Number, Number], BeforeValidator(_three_numbers)]
-Color = Annotated[tuple[Unit, Unit, Unit], BeforeValidator(_three_numbers)]
-Scale = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(_scale), WithJsonSchema({
-    "anyOf": [{"type": "number", "exclusiveMinimum": 0},
-              {"type": "array", "items": {"type": "number", "exclusiveMinimum": 0}, "minItems": 3, "maxItems": 3}]})]
-Bias = Annotated[Literal["auto"] | float, BeforeValidator(_bias), WithJsonSchema({
-    "anyOf": [{"const": "auto"}, {"type": "number", "minimum": 0}]})]
-Side = Annotated[int, Field(strict=True, ge=1, le=MAX_IMAGE)]
-Samples = Annotated[int, Field(strict=True), AfterValidator(_power_of_two),
-                    WithJsonSchema({"enum": [1, 2, 4, 8, 16]})]
-Frames = Annotated[int, Field(strict=True, ge=1, le=100_000)]
-FrameIndex = Annotated[int, Field(strict=True, ge=0)]
-TriangleCount = Annotated[int, Field(strict=True, ge=1, le=2**31 - 1)]
-Seed = Annotated[int, Field(strict=True, ge=0)]
-Name = Annotated[str, Field(strict=True, pattern=r"^\w[\w.-]*$", max_length=100)]
-
-
-class Section(BaseModel):
-    """Base of the models: frozen, unknown keys refused."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    @model_validator(mode="after")
+    def _no_conflicts(self) -> CheckedSection:
+        for path, message in self.conflicts():
+            raise problem_at(path, message)
+        return self
 
 
 class MaterialConfig(Section):
@@ -126,7 +77,7 @@ class PoseKey(Section):
 class Animation(Section):
     """Rigid key frames of a geometry entry."""
 
-    path: Annotated[tuple[PoseKey, ...], BeforeValidator(_filled_list)] = Field(description="poses in order of time")
+    path: Annotated[tuple[PoseKey, ...], BeforeValidator(filled_list)] = Field(description="poses in order of time")
 
     @model_validator(mode="before")
     @classmethod
@@ -176,12 +127,12 @@ class CameraKey(Section):
     target: Vector
 
 
-class CameraConfig(Section):
+class CameraConfig(CheckedSection):
     """The camera: eye and target, or a path of them."""
 
     eye: Vector | None = None
     target: Vector | None = None
-    path: Annotated[tuple[CameraKey, ...], BeforeValidator(_filled_list)] | None = Field(
+    path: Annotated[tuple[CameraKey, ...], BeforeValidator(filled_list)] | None = Field(
         None, description="key frames of a Catmull-Rom curve, spread evenly over the frames")
     closed: StrictBool = Field(False, description="whether the path returns to its first key frame")
     up: Vector = (0.0, 1.0, 0.0)
@@ -193,32 +144,32 @@ class CameraConfig(Section):
         """Key frames: one for a camera that stands still."""
         if self.path is not None:
             return self.path
-        assert self.eye is not None and self.target is not None
+        if self.eye is None or self.target is None:
+            return ()
         return (CameraKey(eye=self.eye, target=self.target),)
 
-    @model_validator(mode="after")
-    def _consistent(self) -> CameraConfig:
-        given = (self.eye is not None, self.target is not None)
-        if self.path is not None and any(given):
-            raise problem_at(("path",), "a camera has either 'eye' and 'target' or a 'path': remove one")
-        if self.path is None and not all(given):
-            raise problem_at((), "needs 'eye' and 'target', or a 'path' of them")
-        if self.closed and self.path is None:
-            raise problem_at(("closed",), "only a 'path' can be closed: remove it")
-        if self.far <= self.near:
+    def conflicts(self, bad: Collection[str] = ()) -> Iterator[tuple[KeyPath, str]]:
+        """Yield contradictions (see `CheckedSection`)."""
+        placed = [key for key in ("eye", "target") if getattr(self, key) is not None or key in bad]
+        path_given = self.path is not None or "path" in bad
+        if path_given and placed:
+            yield ("path",), "a camera has either 'eye' and 'target' or a 'path': remove one"
+        if not path_given and len(placed) < 2:
+            yield (), "needs 'eye' and 'target', or a 'path' of them"
+        if self.closed and not path_given:
+            yield ("closed",), "only a 'path' can be closed: remove it"
+        if self.far <= self.near and not {"near", "far"} & set(bad):
             where = "far" if "far" in self.model_fields_set else "near"
-            raise problem_at((where,), f"far ({self.far:g}) must be greater than near ({self.near:g})")
+            yield (where,), f"far ({self.far:g}) must be greater than near ({self.near:g})"
         if not any(self.up):
-            raise problem_at(("up",), "must not be zero")
+            yield ("up",), "must not be zero"
         for i, key in enumerate(self.key_frames()):
-            path: KeyPath = () if self.path is None else ("path", i)
+            target: KeyPath = ("target",) if self.path is None else ("path", i, "target")
             if key.eye == key.target:
-                raise problem_at((*path, "target"), "eye and target are the same point: move one of them")
-            if _parallel(self.up, key):
-                where = "up" if "up" in self.model_fields_set else "target"
-                raise problem_at(("up",) if where == "up" else (*path, "target"),
-                                 "up is parallel to the view direction: choose another 'up'")
-        return self
+                yield target, "eye and target are the same point: move one of them"
+            elif any(self.up) and "up" not in bad and _parallel(self.up, key):
+                yield (("up",) if "up" in self.model_fields_set else target,
+                       "up is parallel to the view direction: choose another 'up'")
 
 
 def _parallel(up: tuple[float, float, float], key: CameraKey) -> bool:
@@ -230,24 +181,24 @@ def _parallel(up: tuple[float, float, float], key: CameraKey) -> bool:
     return not sum(s * s for s in sides) > _UP_TOLERANCE * squares
 
 
-class LightConfig(Section):
+class LightConfig(CheckedSection):
     """The light: a point, a direction, or a path of points."""
 
     position: Vector | None = Field(None, description="a point light, world")
     direction: Vector | None = Field(None, description="the direction in which a directional light travels")
-    path: Annotated[tuple[Vector, ...], BeforeValidator(_filled_list)] | None = Field(
+    path: Annotated[tuple[Vector, ...], BeforeValidator(filled_list)] | None = Field(
         None, description="positions of a point light: key frames of a Catmull-Rom curve")
     closed: StrictBool = Field(False, description="whether the path returns to its first position")
 
-    @model_validator(mode="after")
-    def _one_kind(self) -> LightConfig:
-        if sum(kind is not None for kind in (self.position, self.direction, self.path)) != 1:
-            raise problem_at((), "needs exactly one of 'position', 'direction' and 'path'")
+    def conflicts(self, bad: Collection[str] = ()) -> Iterator[tuple[KeyPath, str]]:
+        """Yield contradictions (see `CheckedSection`)."""
+        kinds = [key for key in ("position", "direction", "path") if getattr(self, key) is not None or key in bad]
+        if len(kinds) != 1:
+            yield (), "needs exactly one of 'position', 'direction' and 'path'"
         if self.direction is not None and not any(self.direction):
-            raise problem_at(("direction",), "must not be zero: give the direction in which the light travels")
-        if self.closed and self.path is None:
-            raise problem_at(("closed",), "only a 'path' can be closed: remove it")
-        return self
+            yield ("direction",), "must not be zero: give the direction in which the light travels"
+        if self.closed and "path" not in kinds:
+            yield ("closed",), "only a 'path' can be closed: remove it"
 
 
 class ImageConfig(Section):
@@ -262,7 +213,7 @@ class AlgorithmSpec(Section):
     """An algorithm and the parameters that it was given."""
 
     name: StrictStr
-    params: dict[str, Any] = {}
+    params: dict[str, Any] = Field({})
 
 
 class SceneConfig(Section):

@@ -19,7 +19,8 @@ def quad(triangles: int, seed: int) -> ProceduralScene:
     if triangles < 2:
         raise InputError("quad needs at least 2 triangles: raise 'triangles'")
     mesh = Mesh.from_arrays(GROUND, [[0, 2, 1], [0, 3, 2]])
-    mesh = Mesh(mesh.vertices, mesh.triangles, mesh.part + [0, 1], mesh.material, (Material("ground", (0.5, 0.5, 0.5)),))
+    ground = Material("ground", (0.5, 0.5, 0.5))
+    mesh = Mesh(mesh.vertices, mesh.triangles, mesh.part + [0, 1], mesh.material, (ground,))
     eyes = [(0.0, 5.0, 10.0), (10.0, 5.0, 0.0), (0.0, 6.0, -10.0)]
     return ProceduralScene(mesh, eyes, [(0.0, 0.0, 0.0)] * 3, False, 50.0, 0.1, 100.0, Light.point(1, 8, 1))
 

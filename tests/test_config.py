@@ -308,6 +308,26 @@ def test_all_problems_come_at_once_in_the_order_of_the_file(folder):
         "-D frames=0:"]
 
 
+def test_one_bad_key_hides_nothing_in_its_section(folder):
+    text = QUAD + ("camera: {eye: [1, 1, 1], target: [1, 1, 1], fov_y: 180, near: 5, far: 2, closed: true, fra: 2}\n"
+                   "light: {path: [[0, 0]], direction: [0, 0, 0], closed: 1}\n")
+    assert [line.removeprefix("s.yaml:") for line in errors(text, folder)] == [
+        "2:34 camera.target eye and target are the same point: move one of them",
+        "2:52 camera.fov_y must be less than 180, not 180",
+        "2:71 camera.far far (2) must be greater than near (5)",
+        "2:82 camera.closed only a 'path' can be closed: remove it",
+        "2:88 camera.fra unknown key; did you mean 'far'?",
+        "3:8 light needs exactly one of 'position', 'direction' and 'path'",
+        "3:16 light.path[0] must be a list of 3 numbers",
+        "3:36 light.direction must not be zero: give the direction in which the light travels",
+        "3:55 light.closed must be true or false, not 1"]
+
+
+def test_sections_hold_on_their_own_too():
+    with pytest.raises(ValueError, match=r"far \(1\) must be greater than near"):
+        scene_models.CameraConfig(eye=[0, 0, 1], target=[0, 0, 0], far=1, near=2)
+
+
 def test_files_that_cannot_be_read(tmp_path):
     def message(path: Path) -> str:
         with pytest.raises(ConfigErrors) as caught:
@@ -348,9 +368,9 @@ def test_anchors_and_aliases(folder):
 def test_overrides_replace_and_add(folder):
     document = read_document(folder / "s.yaml", FULL)
     before = json.dumps(document.value)
-    config = load_config(folder / "s.yaml", ["image.width=64", "geometry.1.triangles=500", "geometry[0].scale=[1, 2, 4]",
-                                             "algorithms=[sample]", "matrix.sample.branching=[4, 8]",
-                                             "camera.eye.2=7"], text=FULL)
+    overrides = ["image.width=64", "geometry.1.triangles=500", "geometry[0].scale=[1, 2, 4]", "algorithms=[sample]",
+                 "matrix.sample.branching=[4, 8]", "camera.eye.2=7"]
+    config = load_config(folder / "s.yaml", overrides, text=FULL)
     assert config.image.width == 64 and config.geometry[1].triangles == 500 and config.geometry[0].scale == (1, 2, 4)
     assert config.selections() == [("sample", {})] and config.matrix["sample.branching"] == (4, 8)
     assert config.camera.eye == (0, 0, 7)
@@ -428,7 +448,7 @@ def test_any_algorithm_spec_is_read_or_refused(text):
 
 def test_parameters_are_validated_strictly():
     assert validate_params("sample", {"branching": 8, "slopes": [1, 2]}) == SampleParams(branching=8, slopes=(1, 2))
-    with pytest.raises(InputError, match="^sample: branching must be a whole number, not true$"):
+    with pytest.raises(InputError, match=r"^sample: branching must be a whole number, not true$"):
         validate_params("sample", {"branching": True})
 
 
@@ -486,7 +506,10 @@ def test_what_a_template_comments_out_is_valid_too(folder):
     assert config.algorithms is not None and config.geometry[1].animate is not None
 
 
-@pytest.mark.parametrize("file", sorted((Path(__file__).parent.parent / "configs").glob("*.yaml")), ids=lambda f: f.stem)
+CONFIGS = sorted((Path(__file__).parent.parent / "configs").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("file", CONFIGS, ids=lambda f: f.stem)
 def test_committed_configurations_validate(file):
     config = load_config(file)
     assert config.name == file.stem

@@ -73,6 +73,12 @@ def test_obj_keeps_vertices_faces_and_materials(tmp_path):
     assert mesh.digest == hashlib.sha256((tmp_path / "m.obj").read_bytes()).hexdigest()
 
 
+def test_obj_and_mtl_need_not_be_utf_8(tmp_path):
+    (tmp_path / "m.mtl").write_bytes("newmtl Blätter\nd 0.5\n".encode("latin-1"))
+    (tmp_path / "m.obj").write_bytes(f"# café\nmtllib m.mtl\nusemtl Blätter\n{TRIANGLE_OBJ}".encode("latin-1"))
+    assert load_mesh(tmp_path / "m.obj").materials == (Material("Blätter", alpha=0.5),)
+
+
 def test_obj_without_its_materials_loads_plain(tmp_path):
     (tmp_path / "m.obj").write_text("mtllib none.mtl\nusemtl x\n" + TRIANGLE_OBJ)
     assert load_mesh(tmp_path / "m.obj").materials == (Material(),)
@@ -168,6 +174,7 @@ def test_gltf_with_files_beside_it(tmp_path):
     ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 7\n", "not a readable .obj file"),
     ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "line 4: the face index 0 refers to nothing"),
     ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -4\n", "line 4: the face index -4 refers to nothing"),
+    ("m.obj", b"v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", "vertices have 2 coordinates instead of 3"),
     ("m.obj", b"v 0 0 0\nv nan 0 0\nv 0 inf 0\nf 1 2 3\n",
      "vertex 1 (counted from 0) is NaN or infinite, 2 such vertices in use: repair the mesh"),
     ("m.ply", b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
@@ -232,7 +239,8 @@ MODELS = {
 def test_real_models(models, file, n_triangles):
     mesh = load_mesh(models / file)
     assert len(mesh.triangles) == n_triangles == len(mesh.material)
-    assert np.isfinite(mesh.vertices).all() and mesh.uv is None or mesh.uv.shape == (n_triangles, 3, 2)
+    assert np.isfinite(mesh.vertices).all() and mesh.triangles.max() < len(mesh.vertices)
+    assert mesh.uv is None or mesh.uv.shape == (n_triangles, 3, 2)
 
 
 @pytest.mark.slow
@@ -308,7 +316,7 @@ def test_a_still_scene_has_one_mesh_and_nothing_can_be_written_to(folder):
     np.testing.assert_array_equal(mesh.triangles, [[0, 1, 2], [3, 5, 4], [3, 6, 5]])
     np.testing.assert_array_equal(mesh.material, [0, 1, 1])
     assert [m.name for m in mesh.materials] == ["default", "ground"]
-    assert list(scene.digests)[0] == "a.obj"
+    assert list(scene.digests) == ["a.obj", "quad[triangles=2,seed=1]"]
 
 
 def test_scale_then_rotate_then_translate(folder):
@@ -325,7 +333,8 @@ def test_material_overrides_keep_the_rest(folder):
 
 def test_animation_moves_one_entry(folder):
     text = ("frames: 3\ngeometry:\n  - mesh: a.obj\n    translate: [1, 0, 0]\n"
-            "    animate: [{time: 0}, {time: 1, rotate: [0, 0, 180], translate: [0, 0, 4]}]\n  - {mesh: a.obj}\n" + FIXED)
+            "    animate: [{time: 0}, {time: 1, rotate: [0, 0, 180], translate: [0, 0, 4]}]\n"
+            "  - {mesh: a.obj}\n" + FIXED)
     scene = load(folder, text)
     first, middle, last = (scene.mesh(i) for i in range(3))
     np.testing.assert_array_equal(first.corners[0], [[1, 0, 0], [2, 0, 0], [1, 1, 0]])

@@ -14,7 +14,8 @@ def lines(text: str) -> list[str]:
 
 
 def test_yaml_1_2_scalars():
-    value = parse_text("a: 1e-4\nb: no\nc: 014\nd: 2001-01-01\ne: ~\nf: '5'\ng: true\nh: 0x10\n'i': [1, 2.5]\n", "f").value
+    text = "a: 1e-4\nb: no\nc: 014\nd: 2001-01-01\ne: ~\nf: '5'\ng: true\nh: 0x10\n'i': [1, 2.5]\n"
+    value = parse_text(text, "f").value
     assert value == {"a": 1e-4, "b": "no", "c": 14, "d": "2001-01-01", "e": None, "f": "5", "g": True, "h": 16,
                      "i": [1, 2.5]}
     assert type(value["a"]) is float and type(value["g"]) is bool
@@ -86,7 +87,7 @@ def test_single_values(text, value):
 
 @pytest.mark.parametrize("text", ["", "  ", "[1", ".nan", "!x 1", "a: b: c"])
 def test_bad_single_values(text):
-    with pytest.raises(ValueError, match="."):
+    with pytest.raises(ValueError, match=r"\w"):
         parse_value(text)
 
 

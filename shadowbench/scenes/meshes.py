@@ -129,13 +129,30 @@ def _parse(data: bytes, kind: str, path: Path) -> tuple[Any, dict[str, Matrix], 
     if kind in (".gltf", ".glb"):
         data, local, materials = read_gltf(data, path.parent)
     elif kind == ".obj":
-        data = absolute_obj_indices(data)
+        data = absolute_obj_indices(_utf8(data))
     elif kind == ".3mf" and "3mf" not in trimesh.available_formats():
         raise InputError(f"{path}: reading .3mf needs the packages 'networkx' and 'lxml': install them, or convert "
                          "the file to OBJ or GLB")
-    resolver = trimesh.resolvers.FilePathResolver(str(path.absolute()))
+
+    class Resolver(trimesh.resolvers.FilePathResolver):
+        """Finds the files beside the mesh, with the text of materials in UTF-8."""
+
+        def get(self, name: str) -> Any:
+            data = super().get(name)
+            return _utf8(data) if name.lower().endswith(".mtl") else data
+
+    resolver = Resolver(str(path.absolute()))
     scene = trimesh.load_scene(io.BytesIO(data), file_type=kind[1:], resolver=resolver, process=False)
     return scene, local, materials
+
+
+def _utf8(data: bytes) -> bytes:
+    """Recode text that is not UTF-8, taking it for Latin-1: only names and comments can differ."""
+    try:
+        data.decode("utf-8")
+        return data
+    except UnicodeDecodeError:
+        return data.decode("latin-1").encode("utf-8")
 
 
 _BAD_INDEX = re.compile(rb"^[ \t]*f[^\n]*[ \t/](?:-|0+[ \t\r/\n])", re.MULTILINE)
@@ -186,6 +203,8 @@ def _pieces(scene: Any, local: dict[str, Matrix], materials: dict[str, Material]
         if len(triangles) == 0:
             continue
         vertices = np.asarray(geometry.vertices, np.float64)
+        if vertices.shape[1] != 3:      # trimesh cuts every vertex to the shortest one of the file
+            raise ValueError(f"vertices have {vertices.shape[1]} coordinates instead of 3")
         check_vertices(vertices, triangles, str(path))
         matrix = _world_transform(scene, node, local)
         surface = getattr(geometry.visual, "material", None)
