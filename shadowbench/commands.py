@@ -5,20 +5,25 @@ from __future__ import annotations
 import difflib
 import inspect
 import os
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from shadowbench.algorithms import ALGORITHMS, ALL_ALGORITHMS
 from shadowbench.algorithms.base import AlgorithmParams
-from shadowbench.cli import EXIT_SOME_FAILED
-from shadowbench.config import parse_algorithm_spec, resolved_yaml, template, validate_params
+from shadowbench.cli import EXIT_INTERRUPTED, EXIT_SOME_FAILED
+from shadowbench.config import load_config, resolved_yaml, template
 from shadowbench.errors import InputError
 from shadowbench.progress import Progress
 from shadowbench.report.table import format_table, summary
 from shadowbench.results import RunFolder, RunFolderError, check_writable, default_folder, read_run
 from shadowbench.scenes import ALL_SCENES, SCENES
+
+if TYPE_CHECKING:
+    from shadowbench.runner import Cell, RunOptions
+    from shadowbench.scenes.loader import Scene
 
 QUICK_HEIGHT = 256
 """Largest image height of ``run --quick``."""
@@ -34,8 +39,9 @@ def run(argv: list[str], *, scenes: tuple[str, ...], specs: tuple[str, ...], ove
     changes = list(overrides)
     if size is not None:
         changes += [f"image.width={size[0]}", f"image.height={size[1]}"]
-    chosen = [parse_algorithm_spec(spec) for spec in specs]
-    loaded = [load_scene(name, changes, quick_height=QUICK_HEIGHT if quick else None) for name in scenes]
+    loaded = [load_scene(name, changes, specs or None) for name in scenes]
+    if quick:
+        loaded = [_small(scene) for scene in loaded]
     folders = _folders(out, [scene.name for scene in loaded])
     codes = []
     for scene, folder in zip(loaded, folders, strict=True):
@@ -44,15 +50,26 @@ def run(argv: list[str], *, scenes: tuple[str, ...], specs: tuple[str, ...], ove
                                     threads or len(os.sched_getaffinity(0)), only or runner.EVERYTHING, keep_going)
         if not options.frames:
             raise InputError(f"{scene.name} has {scene.n_frames} frame(s): --frames selects none of them")
-        cells = runner.plan(scene, _selections(scene, chosen), options.frames)
+        cells = runner.plan(scene, _selections(scene), options.frames)
         if dry_run:
             click.echo(_list_cells(scene, cells))
             codes.append(0)
         else:
             codes.append(_run_scene(scene, cells, options, folder, argv))
-            if codes[-1] == 130:
+            if codes[-1] == EXIT_INTERRUPTED:
                 break
     return max(codes)
+
+
+def _small(scene: Scene) -> Scene:
+    """Shrink the image of a scene to `QUICK_HEIGHT`, keeping its shape."""
+    image = scene.image
+    if image.height <= QUICK_HEIGHT:
+        return scene
+    width = max(1, round(image.width * QUICK_HEIGHT / image.height))
+    size = {"width": width, "height": QUICK_HEIGHT}
+    config = scene.config.model_copy(update={"image": scene.config.image.model_copy(update=size)})
+    return replace(scene, image=replace(image, **size), config=config)
 
 
 def _folders(out: Path | None, names: list[str]) -> list[Path]:
@@ -68,28 +85,32 @@ def _folders(out: Path | None, names: list[str]) -> list[Path]:
     return folders
 
 
-def _selections(scene: Any, chosen: list[tuple[str, dict[str, Any]]]) -> list[tuple[str, AlgorithmParams]]:
-    """Decide which algorithms run: those asked for, else the scene's, else all."""
+def _selections(scene: Scene) -> list[tuple[str, AlgorithmParams]]:
+    """Decide which algorithms run: those asked for, or all, each swept over its axes of the scene's matrix."""
     from shadowbench.runner import sweep
 
-    wanted = chosen or scene.config.selections() or [(entry.name, {}) for entry in ALL_ALGORITHMS]
-    return [(name, validate_params(name, params)) for name, params in sweep(wanted, scene.config.matrix)]
+    if scene.config.algorithms is None:
+        wanted: list[tuple[str, dict[str, Any]]] = [(entry.name, {}) for entry in ALL_ALGORITHMS]
+    else:
+        wanted = [(spec.name, spec.params) for spec in scene.config.algorithms]
+    return [(name, ALGORITHMS[name].load().Params(**params)) for name, params in sweep(wanted, scene.config.matrix)]
 
 
-def _list_cells(scene: Any, cells: list[Any]) -> str:
+def _list_cells(scene: Scene, cells: list[Cell]) -> str:
     """Text of ``--dry-run``."""
     rows = [(str(cell.frame), cell.label, cell.algorithm.unsupported(scene) or "will run") for cell in cells]
     return f"{scene.name}: {len(cells)} cells\n" + format_table(("frame", "method", ""), rows)
 
 
-def _run_scene(scene: Any, cells: list[Any], options: Any, path: Path, argv: list[str]) -> int:
+def _run_scene(scene: Scene, cells: list[Cell], options: RunOptions, path: Path, argv: list[str]) -> int:
     """Run one scene and print its table and where everything is."""
     from shadowbench import runner
 
     folder = RunFolder(path, runner.describe(scene, options, ["shadowbench", *argv]), len(cells))
     try:
-        folder.write_text("config.input.yaml", scene.text)
-        folder.write_text("config.resolved.yaml", resolved_yaml(scene.config))
+        resolved = resolved_yaml(scene.config)
+        folder.write_text("config.input.yaml", resolved if scene.path is None else scene.path.read_text("utf-8"))
+        folder.write_text("config.resolved.yaml", resolved)
         with Progress(len(cells)) as progress:
             progress.note(f"{scene.name}: {len(cells)} cells, {options.threads} thread(s)")
             result = runner.Runner(scene, cells, options, folder, progress).run()
@@ -122,8 +143,6 @@ def describe_algorithm(name: str) -> str:
 
 def describe_scene(name: str) -> str:
     """A built-in scene's summary, or a scene file with every default filled in."""
-    from shadowbench.config import load_config
-
     if name in SCENES:
         entry = SCENES[name]
         return f"{entry.name}: {entry.summary}\n{entry.triangles} triangles unless said otherwise\n\n" + template(name)

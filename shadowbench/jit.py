@@ -31,7 +31,8 @@ from numba import prange
 from numba.core.event import Event, Listener, register, unregister
 from platformdirs import user_cache_path
 
-__all__ = ["CompileWatch", "cache_folder", "kernel", "parallel_kernel", "prange", "set_threads", "sources_digest"]
+__all__ = ["CompileWatch", "cache_folder", "kernel", "parallel_kernel", "prange", "set_threads", "sources_digest",
+           "threading_layer"]
 
 
 def sources_digest() -> str:
@@ -71,6 +72,14 @@ def set_threads(n_threads: int) -> None:
     """
     numba.set_num_threads(n_threads)
     numba.set_parallel_chunksize(1)
+
+
+def threading_layer() -> str | None:
+    """Name of the threading layer that Numba chose, or None before the first parallel kernel ran."""
+    try:
+        return str(numba.threading_layer())
+    except ValueError:
+        return None
 
 
 numba.config.CACHE_DIR = str(cache_folder())
