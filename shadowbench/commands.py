@@ -14,12 +14,13 @@ import click
 from shadowbench.algorithms import ALGORITHMS, ALL_ALGORITHMS
 from shadowbench.algorithms.base import AlgorithmParams
 from shadowbench.cli import EXIT_INTERRUPTED, EXIT_SOME_FAILED
-from shadowbench.config import load_config, resolved_yaml, template
+from shadowbench.config import load_config, resolved_yaml
 from shadowbench.errors import InputError
 from shadowbench.progress import Progress
 from shadowbench.report.table import format_table, summary
 from shadowbench.results import RunFolder, RunFolderError, check_writable, default_folder, read_run
 from shadowbench.scenes import ALL_SCENES, SCENES
+from shadowbench.templates import template
 
 if TYPE_CHECKING:
     from shadowbench.runner import Cell, RunOptions

@@ -22,7 +22,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import llvmlite
 import numba
@@ -82,14 +82,14 @@ def threading_layer() -> str | None:
         return None
 
 
-numba.config.CACHE_DIR = str(cache_folder())
+setattr(numba.config, "CACHE_DIR", str(cache_folder()))    # noqa: B010  numba.config has no type stubs
 
-_OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": False}
+_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": False}
 
-kernel = numba.njit(**_OPTIONS)
+kernel: Any = numba.njit(**_OPTIONS)
 """Decorator of a serial kernel."""
 
-parallel_kernel = numba.njit(parallel=True, **_OPTIONS)
+parallel_kernel: Any = numba.njit(parallel=True, **_OPTIONS)
 """Decorator of a parallel kernel: one ``prange`` whose body calls one serial kernel."""
 
 

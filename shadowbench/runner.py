@@ -27,7 +27,8 @@ from shadowbench.probe import Probe
 from shadowbench.progress import Progress
 from shadowbench.report import pictures
 from shadowbench.report.html import write_report
-from shadowbench.results import AccuracyRecord, CellResult, RunFolder, make_key, make_label
+from shadowbench.results import AccuracyRecord, CellResult, RunFolder, RunStatus, make_key, make_label
+from shadowbench.scene_models import GenerateEntry
 from shadowbench.scenes.loader import Scene
 from shadowbench.view_samples import render_view_samples
 
@@ -153,7 +154,7 @@ class Runner:
 
     def run(self) -> RunSummary:
         """Run everything that is planned; on Ctrl-C keep what is finished."""
-        status = "done"
+        status: RunStatus = "done"
         jit.set_threads(self.options.threads)
         try:
             for frame, cells in itertools.groupby(self.cells, key=lambda cell: cell.frame):
@@ -320,6 +321,6 @@ def describe(scene: Scene, options: RunOptions, argv: list[str]) -> dict[str, An
             "digests": scene.digests, "image": asdict(scene.image), "bias": scene.bias,
             "frames": list(options.frames), "repeats": options.repeats, "only": sorted(options.only),
             "threads": options.threads,
-            "seeds": [entry.seed for entry in scene.config.geometry if getattr(entry, "seed", None) is not None],
+            "seeds": [entry.seed for entry in scene.config.geometry if isinstance(entry, GenerateEntry)],
             "packages": environment.package_versions(), "git": environment.git_state(),
             "processor": environment.processor()}
