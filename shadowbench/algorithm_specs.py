@@ -6,7 +6,7 @@ Naming an algorithm imports nothing; checking its parameters imports its class, 
 from __future__ import annotations
 
 import re
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ValidationError
 
@@ -16,8 +16,11 @@ from shadowbench.scene_models import AlgorithmSpec
 from shadowbench.validation import Fault, describe, did_you_mean, faults_of, strict_params
 from shadowbench.yaml_positions import parse_value, path_text
 
+if TYPE_CHECKING:
+    from shadowbench.algorithms.base import AlgorithmParams
 
-def parameter_model(name: str) -> type[BaseModel] | None:
+
+def parameter_model(name: str) -> type[AlgorithmParams] | None:
     """Import the model of an algorithm's parameters; None for an optional algorithm that is not installed.
 
     Raises
@@ -46,15 +49,37 @@ def check_params(name: str, params: dict[str, Any]) -> list[Fault]:
         return [Fault((), f"the algorithm can't be loaded: {error}")]
     except ValidationError as error:
         assert model is not None
-        return [Fault(f.path, f.message.replace("unknown key;", f"unknown parameter of {name};", 1), f.of_key)
-                for f in faults_of(error, model, params)]
+        return _parameter_faults(name, error, model, params)
     return []
+
+
+def _parameter_faults(name: str, error: ValidationError, model: type[BaseModel],
+                      params: dict[str, Any]) -> list[Fault]:
+    """Translate a validation error of an algorithm's parameters."""
+    return [Fault(f.path, f.message.replace("unknown key;", f"unknown parameter of {name};", 1), f.of_key)
+            for f in faults_of(error, model, params)]
 
 
 def complete_params(spec: AlgorithmSpec) -> dict[str, Any]:
     """Fill in the default of every parameter; of an optional algorithm that is not installed, none."""
     model = parameter_model(spec.name)
     return dict(spec.params) if model is None else strict_params(model, spec.params).model_dump(mode="json")
+
+
+def validate_params(name: str, params: dict[str, Any]) -> AlgorithmParams:
+    """Make the parameters of an algorithm from plain values, strictly.
+
+    Raises
+    ------
+    InputError
+        With one line per wrong parameter.
+    """
+    model = ALGORITHMS[name].load().Params
+    try:
+        return strict_params(model, params)
+    except ValidationError as error:
+        raise InputError("\n".join(f"{name}: {path_text(f.path)} {f.message}"
+                                   for f in _parameter_faults(name, error, model, params))) from error
 
 
 def check_name(name: str) -> list[Fault]:

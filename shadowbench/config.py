@@ -15,7 +15,7 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
-from shadowbench.algorithm_specs import complete_params, parse_algorithm_spec
+from shadowbench.algorithm_specs import complete_params, parse_algorithm_spec, validate_params
 from shadowbench.algorithms import ALGORITHMS
 from shadowbench.config_checks import check_document
 from shadowbench.errors import InputError
@@ -30,12 +30,14 @@ from shadowbench.scene_models import (
     SceneConfig,
 )
 from shadowbench.scenes import SCENES
+from shadowbench.templates import template
 from shadowbench.validation import did_you_mean
 from shadowbench.yaml_positions import MAX_BYTES, START, Document, KeyPath, Problem, parse_text, parse_value
 
 __all__ = ["AlgorithmSpec", "CameraConfig", "ConfigErrors", "GenerateEntry", "ImageConfig", "LightConfig",
            "MaterialConfig", "MeshEntry", "SceneConfig", "apply_overrides", "builtin_document", "load_config",
-           "parse_algorithm_spec", "read_document", "resolved_yaml", "scene_schema", "validate_document"]
+           "parse_algorithm_spec", "read_document", "resolved_yaml", "scene_schema", "template",
+           "validate_document", "validate_params"]
 
 
 class ConfigErrors(InputError):
@@ -116,7 +118,7 @@ def _scene_files(folder: Path) -> list[str]:
 
 def builtin_document(name: str) -> Document:
     """Make the scene file of a built-in scene with its defaults."""
-    return Document(f"<{name}>", Path(), {"name": name, "geometry": [{"generate": name}]})
+    return parse_text(f"name: {name}\ngeometry:\n  - generate: {name}\n", f"<{name}>")
 
 
 def validate_document(document: Document) -> SceneConfig:
@@ -175,8 +177,9 @@ def _override_path(key: str, value: Any) -> KeyPath:
             raise ValueError(f"'{key}' is no dotted key such as geometry.0.scale")
         for word, index in parts:
             if index or (isinstance(value, list) and word.isdecimal()):
-                path.append(int(index or word))
-                value = value[path[-1]] if isinstance(value, list) and int(path[-1]) < len(value) else None
+                position = int(index or word)
+                path.append(position)
+                value = value[position] if isinstance(value, list) and position < len(value) else None
             else:
                 path.append(word)
                 value = value.get(word) if isinstance(value, dict) else None
@@ -187,7 +190,7 @@ def _set(document: Document, path: KeyPath, value: Any) -> KeyPath:
     """Put a value into a document, making the mappings on the way."""
     if document.value is None:
         document.value = {}
-    place = document.value
+    place: Any = document.value
     for depth, part in enumerate(path):
         where = ".".join(map(str, path[:depth])) or "the file"
         if isinstance(place, list):
@@ -233,7 +236,7 @@ def resolved_yaml(config: SceneConfig) -> str:
     if config.algorithms is not None:
         data["algorithms"] = [{spec.name: complete_params(spec)} for spec in config.algorithms]
     stream = io.StringIO()
-    writer = YAML(typ="safe", pure=True)
+    writer: Any = YAML(typ="safe", pure=True)
     writer.default_flow_style = False
     writer.sort_base_mapping_type_on_output = False
     writer.width = 100

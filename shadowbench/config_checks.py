@@ -5,7 +5,6 @@ Each section is checked by itself, so that one bad section hides nothing in anot
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,6 +21,7 @@ from shadowbench.scene_models import (
     Section,
 )
 from shadowbench.scenes import SCENES
+from shadowbench.templates import usable_name
 from shadowbench.validation import Fault, describe, did_you_mean, faults_of
 from shadowbench.yaml_positions import Document, KeyPath, Mark, Problem
 
@@ -93,7 +93,7 @@ class _Checker:
         for key in _BY_PYDANTIC:
             if key in value:
                 sections[key] = self.section(key, value[key])
-        sections.setdefault("name", default_name(self.document.file))
+        sections.setdefault("name", usable_name(Path(self.document.file).stem))
         self.camera_and_light(value, sections)
         self.algorithms(value, sections)
         return None if self.problems else SceneConfig(**sections)
@@ -102,7 +102,8 @@ class _Checker:
         """Check one top-level key by its field of `SceneConfig`."""
         field = SceneConfig.model_fields[key]
         if key in ("camera", "light") and value is None:
-            return self.add((key,), "must be a mapping, not nothing")
+            self.add((key,), "must be a mapping, not nothing")
+            return None
         model = create_model("TopLevel", __base__=Section, **{key: (field.annotation, field)})  # type: ignore[call-overload]
         checked = self.validate(model, {key: value}, ())
         return None if checked is None else getattr(checked, key)
@@ -175,7 +176,7 @@ class _Checker:
         camera, light = sections.get("camera"), sections.get("light")
         if not isinstance(camera, CameraConfig) or not isinstance(light, LightConfig):
             return
-        if light.position is not None and any(key.eye == light.position for key in camera.keys()):
+        if light.position is not None and any(key.eye == light.position for key in camera.key_frames()):
             still = "" if camera.path is None else " at a key frame"
             self.add(("light", "position"), f"light on the camera: the light stands at the camera's eye{still}, from "
                                             "where no shadow can be seen; move one of them")
@@ -191,9 +192,3 @@ class _Checker:
         if "matrix" in value:
             sections["matrix"], faults = check_matrix(value["matrix"], listed)
             self.add_faults(("matrix",), faults)
-
-
-def default_name(file: str) -> str:
-    """Make a scene's name from its file's: the stem, with anything unusual replaced."""
-    name = re.sub(r"[^\w.-]", "_", Path(file).stem)[:100]
-    return name if re.match(r"\w", name) else f"scene{name}"[:100]

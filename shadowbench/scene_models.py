@@ -182,7 +182,7 @@ class CameraConfig(Section):
     near: Positive = Field(0.1, description="least visible depth, world units")
     far: Positive = Field(1000.0, description="greatest visible depth, world units")
 
-    def keys(self) -> tuple[CameraKey, ...]:
+    def key_frames(self) -> tuple[CameraKey, ...]:
         """Key frames: one for a camera that stands still."""
         if self.path is not None:
             return self.path
@@ -203,7 +203,7 @@ class CameraConfig(Section):
             raise problem_at((where,), f"far ({self.far:g}) must be greater than near ({self.near:g})")
         if not any(self.up):
             raise problem_at(("up",), "must not be zero")
-        for i, key in enumerate(self.keys()):
+        for i, key in enumerate(self.key_frames()):
             path: KeyPath = () if self.path is None else ("path", i)
             if key.eye == key.target:
                 raise problem_at((*path, "target"), "eye and target are the same point: move one of them")
@@ -270,3 +270,7 @@ class SceneConfig(Section):
     bias: Bias = Field("auto", description="world distance; auto is 1e-5 of the bounding box's diagonal")
     algorithms: tuple[AlgorithmSpec, ...] | None = Field(None, description="all that support the scene without it")
     matrix: dict[str, tuple[Any, ...]] = Field({}, description="parameters to sweep: algorithm.parameter: [values]")
+
+    def selections(self) -> list[tuple[str, dict[str, Any]]]:
+        """Algorithms with the parameters that they were given; none where all are meant."""
+        return [(spec.name, dict(spec.params)) for spec in self.algorithms or ()]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from shadowbench.errors import InputError
+import re
+
 from shadowbench.scenes import SCENES
-from shadowbench.validation import did_you_mean
 
 _TEMPLATE = """\
 # {summary}.
@@ -17,7 +17,7 @@ _TEMPLATE = """\
 name: {name}
 
 geometry:
-  - generate: {name}            # a built-in scene; see `shadowbench list scenes`
+  - generate: {scene}            # a built-in scene; see `shadowbench list scenes`
     triangles: {triangles}            # about how many
     seed: 1                     # of the random numbers
 # - mesh: models/chair.obj      # OBJ, PLY, STL, OFF, glTF, GLB or 3MF
@@ -42,15 +42,18 @@ bias: auto                      # world distance; auto is 1e-5 of the bounding b
 """
 
 
-def template(name: str = "citadel") -> str:
-    """Write a commented scene file of a built-in scene.
+DEFAULT_SCENE = "citadel"
+"""The built-in scene to start from under a name of one's own."""
 
-    Raises
-    ------
-    InputError
-        If there is no such scene.
-    """
-    if name not in SCENES:
-        raise InputError(f"unknown scene '{name}'; {did_you_mean(name, SCENES)}")
-    entry = SCENES[name]
-    return _TEMPLATE.format(name=name, summary=entry.summary, triangles=entry.triangles)
+
+def template(name: str = DEFAULT_SCENE) -> str:
+    """Write a commented scene file: of the built-in scene `name`, or else a scene of that name to start from."""
+    entry = SCENES.get(name, SCENES[DEFAULT_SCENE])
+    return _TEMPLATE.format(name=usable_name(name), scene=entry.name, summary=entry.summary,
+                            triangles=entry.triangles)
+
+
+def usable_name(text: str) -> str:
+    """Make a scene's name from a file's: anything unusual is replaced."""
+    name = re.sub(r"[^\w.-]", "_", text)[:100]
+    return name if re.match(r"\w", name) else f"scene{name}"[:100]

@@ -7,11 +7,13 @@ import json
 import re
 from collections.abc import Iterable
 from inspect import isclass
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from shadowbench.yaml_positions import KeyPath, shorten
+
+Model = TypeVar("Model", bound=BaseModel)
 
 
 class Fault(NamedTuple):
@@ -61,7 +63,7 @@ def faults_of(error: ValidationError, model: type[BaseModel], value: Any) -> lis
     return [Fault(path, " or ".join(messages), of_key) for (path, of_key), messages in faults.items()]
 
 
-def strict_params(model: type[BaseModel], params: dict[str, Any]) -> BaseModel:
+def strict_params(model: type[Model], params: dict[str, Any]) -> Model:
     """Validate parameters that came from YAML, strictly: text and truth values are no numbers.
 
     Strict JSON is the mode in which pydantic still takes a list for a tuple and text for an enumeration.
@@ -83,7 +85,7 @@ def _place(loc: Iterable[Any], model: type[BaseModel], value: Any) -> tuple[KeyP
     for part in loc:
         if section is not None and part in section.model_fields:
             inner, section = section, _section_in(section.model_fields[part].annotation)
-        if isinstance(value, dict) and part in value or (
+        if (isinstance(value, dict) and part in value) or (
                 isinstance(value, list) and isinstance(part, int) and part < len(value)):
             path.append(part)
             value = value[part]

@@ -70,10 +70,12 @@ class Document:
     problems : what is wrong with the text itself.
     overrides : key paths that were set from outside the file, with the text that set them.
     folder : the folder that relative paths start from.
+    text : what was parsed.
     """
 
     file: str
     folder: Path = field(default_factory=Path)
+    text: str = ""
     value: Any = None
     values: dict[KeyPath, Mark] = field(default_factory=dict)
     keys: dict[KeyPath, Mark] = field(default_factory=dict)
@@ -117,7 +119,7 @@ def parse_text(text: str, file: str, folder: Path | None = None) -> Document:
     file : its name in messages.
     folder : where relative paths in it start; the current folder if None.
     """
-    document = Document(file, folder or Path())
+    document = Document(file, folder or Path(), text)
     try:
         node = _compose(text)
     except _TextError as error:
@@ -276,8 +278,9 @@ class _Builder:
         return value
 
 
-def _tag_text(tag: str) -> str:
+def _tag_text(tag: str | None) -> str:
     """Write a tag as the user did."""
+    tag = str(tag)
     return "!!" + tag[len(_TAG):] if tag.startswith(_TAG) else tag
 
 

@@ -150,7 +150,7 @@ def _concatenate(meshes: Sequence[Mesh], vertices: FloatArray) -> Mesh:
                 uv=uv)
 
 
-def _frozen(array: NDArray) -> NDArray:     # type: ignore[type-arg]
+def _frozen(array: NDArray) -> NDArray:
     """Make an array contiguous and read-only."""
     array = np.ascontiguousarray(array)
     array.setflags(write=False)

@@ -7,11 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from shadowbench.config import (
-    AlgorithmSpec,
     SceneConfig,
     apply_overrides,
     builtin_document,
-    parse_algorithm_spec,
     read_document,
     validate_document,
 )
@@ -21,6 +19,7 @@ from shadowbench.scenes import SCENES
 from shadowbench.scenes.bodies import Body, join, load_body
 from shadowbench.scenes.paths import curve_position
 from shadowbench.scenes.procedural import ProceduralScene
+from shadowbench.yaml_positions import Document
 
 BIAS_OF_DIAGONAL = 1e-5
 """Automatic bias as a share of the bounding box's diagonal: the project's definition of shadow."""
@@ -67,7 +66,8 @@ class Scene:
     ----------
     name : name in results.
     path : the scene file, or None for a built-in scene.
-    config : everything that the file says.
+    text : the scene file as it was read; for a built-in scene, the file that stands for it.
+    config : everything that the file and the overrides say.
     image : pixels and samples per pixel.
     n_frames : number of frames; frames are numbered from 0.
     bias : world distance by which a sample must lie behind a triangle's plane to be shadowed by it.
@@ -76,6 +76,7 @@ class Scene:
 
     name: str
     path: Path | None
+    text: str
     config: SceneConfig
     image: ImageSize
     n_frames: int
@@ -113,15 +114,16 @@ class Scene:
             raise IndexError(f"scene {self.name} has frames 0 to {self.n_frames - 1}, not {frame}")
 
 
-def load_scene(path_or_name: str | Path, overrides: Iterable[str] = (), algorithms: Iterable[str] | None = None,
-               *, text: str | None = None) -> Scene:
+def load_scene(path_or_name: str | Path, overrides: Iterable[str] = (), *, quick_height: int | None = None,
+               text: str | None = None) -> Scene:
     """Load a scene.
 
     Parameters
     ----------
-    path_or_name : a scene file, or the name of a built-in scene, which then has its defaults.
+    path_or_name : a scene file, or the name of a built-in scene, which then has its defaults. A file of that name
+        comes first.
     overrides : ``dotted.key=value`` settings that replace what the file says.
-    algorithms : ``name[key=value,...]`` texts that replace the file's list; sweeps over others are dropped.
+    quick_height : greatest image height; a higher image is scaled down to it. None leaves the size alone.
     text : the file's text, if it is already at hand.
 
     Raises
@@ -134,33 +136,28 @@ def load_scene(path_or_name: str | Path, overrides: Iterable[str] = (), algorith
         path, document = None, builtin_document(str(path_or_name))
     else:
         document = read_document(path_or_name, text)
-    specs = None if algorithms is None else [parse_algorithm_spec(spec) for spec in algorithms]
     config = validate_document(apply_overrides(document, overrides))
-    if specs is not None:
-        config = _with_algorithms(config, [AlgorithmSpec(name=name, params=params) for name, params in specs])
-    return _build(config, path, document.folder, document.file)
+    if quick_height is not None and config.image.height > quick_height:
+        width = max(1, config.image.width * quick_height // config.image.height)
+        image = config.image.model_copy(update={"width": width, "height": quick_height})
+        config = config.model_copy(update={"image": image})
+    return _build(config, path, document)
 
 
-def _with_algorithms(config: SceneConfig, specs: list[AlgorithmSpec]) -> SceneConfig:
-    """Replace the list of algorithms."""
-    names = {spec.name for spec in specs}
-    matrix = {axis: values for axis, values in config.matrix.items() if axis.partition(".")[0] in names}
-    return config.model_copy(update={"algorithms": tuple(specs), "matrix": matrix})
-
-
-def _build(config: SceneConfig, path: Path | None, folder: Path, file: str) -> Scene:
+def _build(config: SceneConfig, path: Path | None, document: Document) -> Scene:
     """Load the geometry and check every frame."""
+    file = document.file
     bodies: list[Body] = []
     digests: dict[str, str] = {}
     generated: ProceduralScene | None = None
     for i, entry in enumerate(config.geometry):
         try:
-            body, scene, digest = load_body(entry, config.frames, folder)
+            body, made, digest = load_body(entry, config.frames, document.folder)
         except InputError as error:
             raise InputError(f"{file}: geometry[{i}]: {error}") from error
         bodies.append(body)
         digests.update(digest)
-        generated = generated or scene
+        generated = generated or made
     if not any(body.mesh.n_triangles for body in bodies):
         raise InputError(f"{file}: the scene has no triangles: add geometry")
     try:
@@ -169,7 +166,7 @@ def _build(config: SceneConfig, path: Path | None, folder: Path, file: str) -> S
         raise InputError(f"{file}: {error}") from error
     bias = BIAS_OF_DIAGONAL * mesh.diagonal() if config.bias == "auto" else float(config.bias)
     image = ImageSize(config.image.width, config.image.height, config.image.samples)
-    scene = Scene(config.name, path, config, image, config.frames, bias, digests, tuple(bodies),
+    scene = Scene(config.name, path, document.text, config, image, config.frames, bias, digests, tuple(bodies),
                   _camera_track(config, generated), _light_track(config, generated), {0: mesh})
     _check_frames(scene, file)
     return scene
@@ -178,7 +175,7 @@ def _build(config: SceneConfig, path: Path | None, folder: Path, file: str) -> S
 def _camera_track(config: SceneConfig, generated: ProceduralScene | None) -> CameraTrack:
     """Take the camera from the file, or else from the first generated scene."""
     if config.camera is not None:
-        c, keys = config.camera, config.camera.keys()
+        c, keys = config.camera, config.camera.key_frames()
         return CameraTrack([k.eye for k in keys], [k.target for k in keys], c.closed, c.up, c.fov_y, c.near, c.far)
     assert generated is not None        # validation asks for a camera where nothing is generated
     g = generated

@@ -217,8 +217,8 @@ def _world_transform(scene: Any, node: str, local: dict[str, Matrix]) -> Matrix:
 def _surface(surface: Any, path: Path) -> Material:
     """Read an OBJ material: Kd, d or Tr, and map_d. Other formats give their name alone."""
     keys = getattr(surface, "kwargs", {})
-    color = keys.get("kd")
-    red, green, blue = (min(max(float(v), 0.0), 1.0) for v in (color if np.size(color) == 3 else (1.0, 1.0, 1.0)))
+    color = np.atleast_1d(keys.get("kd", 1.0))
+    red, green, blue = (min(max(float(v), 0.0), 1.0) for v in (color if len(color) == 3 else (1.0, 1.0, 1.0)))
     alpha = 1.0
     if "d" in keys:
         alpha = float(keys["d"][-1])
