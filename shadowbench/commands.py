@@ -5,12 +5,12 @@ from __future__ import annotations
 import difflib
 import inspect
 import os
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from shadowbench.algorithm_specs import parse_algorithm_spec, validate_params
 from shadowbench.algorithms import ALGORITHMS, ALL_ALGORITHMS
 from shadowbench.algorithms.base import AlgorithmParams
 from shadowbench.cli import EXIT_INTERRUPTED, EXIT_SOME_FAILED
@@ -40,9 +40,10 @@ def run(argv: list[str], *, scenes: tuple[str, ...], specs: tuple[str, ...], ove
     changes = list(overrides)
     if size is not None:
         changes += [f"image.width={size[0]}", f"image.height={size[1]}"]
-    loaded = [load_scene(name, changes, specs or None) for name in scenes]
-    if quick:
-        loaded = [_small(scene) for scene in loaded]
+    chosen = [parse_algorithm_spec(spec) for spec in specs]
+    for name, params in chosen:
+        validate_params(name, params)
+    loaded = [load_scene(name, changes, quick_height=QUICK_HEIGHT if quick else None) for name in scenes]
     folders = _folders(out, [scene.name for scene in loaded])
     codes = []
     for scene, folder in zip(loaded, folders, strict=True):
@@ -51,7 +52,7 @@ def run(argv: list[str], *, scenes: tuple[str, ...], specs: tuple[str, ...], ove
                                     threads or len(os.sched_getaffinity(0)), only or runner.EVERYTHING, keep_going)
         if not options.frames:
             raise InputError(f"{scene.name} has {scene.n_frames} frame(s): --frames selects none of them")
-        cells = runner.plan(scene, _selections(scene), options.frames)
+        cells = runner.plan(scene, _selections(scene, chosen), options.frames)
         if dry_run:
             click.echo(_list_cells(scene, cells))
             codes.append(0)
@@ -60,17 +61,6 @@ def run(argv: list[str], *, scenes: tuple[str, ...], specs: tuple[str, ...], ove
             if codes[-1] == EXIT_INTERRUPTED:
                 break
     return max(codes)
-
-
-def _small(scene: Scene) -> Scene:
-    """Shrink the image of a scene to `QUICK_HEIGHT`, keeping its shape."""
-    image = scene.image
-    if image.height <= QUICK_HEIGHT:
-        return scene
-    width = max(1, round(image.width * QUICK_HEIGHT / image.height))
-    size = {"width": width, "height": QUICK_HEIGHT}
-    config = scene.config.model_copy(update={"image": scene.config.image.model_copy(update=size)})
-    return replace(scene, image=replace(image, **size), config=config)
 
 
 def _folders(out: Path | None, names: list[str]) -> list[Path]:
@@ -86,15 +76,12 @@ def _folders(out: Path | None, names: list[str]) -> list[Path]:
     return folders
 
 
-def _selections(scene: Scene) -> list[tuple[str, AlgorithmParams]]:
+def _selections(scene: Scene, chosen: list[tuple[str, dict[str, Any]]]) -> list[tuple[str, AlgorithmParams]]:
     """Decide which algorithms run: those asked for, or all, each swept over its axes of the scene's matrix."""
     from shadowbench.runner import sweep
 
-    if scene.config.algorithms is None:
-        wanted: list[tuple[str, dict[str, Any]]] = [(entry.name, {}) for entry in ALL_ALGORITHMS]
-    else:
-        wanted = [(spec.name, spec.params) for spec in scene.config.algorithms]
-    return [(name, ALGORITHMS[name].load().Params(**params)) for name, params in sweep(wanted, scene.config.matrix)]
+    wanted = chosen or scene.config.selections() or [(entry.name, {}) for entry in ALL_ALGORITHMS]
+    return [(name, validate_params(name, params)) for name, params in sweep(wanted, scene.config.matrix)]
 
 
 def _list_cells(scene: Scene, cells: list[Cell]) -> str:
@@ -109,9 +96,8 @@ def _run_scene(scene: Scene, cells: list[Cell], options: RunOptions, path: Path,
 
     folder = RunFolder(path, runner.describe(scene, options, ["shadowbench", *argv]), len(cells))
     try:
-        resolved = resolved_yaml(scene.config)
-        folder.write_text("config.input.yaml", resolved if scene.path is None else scene.path.read_text("utf-8"))
-        folder.write_text("config.resolved.yaml", resolved)
+        folder.write_text("config.input.yaml", scene.text)
+        folder.write_text("config.resolved.yaml", resolved_yaml(scene.config))
         with Progress(len(cells)) as progress:
             progress.note(f"{scene.name}: {len(cells)} cells, {options.threads} thread(s)")
             result = runner.Runner(scene, cells, options, folder, progress).run()
