@@ -162,6 +162,7 @@ def apply_overrides(document: Document, overrides: Iterable[str]) -> Document:
             result.problems.append(Problem(START, (), str(error), override))
         else:
             result.problems = [p for p in result.problems if p.path[:len(path)] != path]
+            result.unreadable = {p for p in result.unreadable if p[:len(path)] != path}
             result.overrides[path] = override
     return result
 
@@ -223,16 +224,22 @@ def scene_schema() -> dict[str, Any]:
     return schema
 
 
+def _with_count(entry: MeshEntry | GenerateEntry) -> MeshEntry | GenerateEntry:
+    """Fill in a generated scene's own number of triangles."""
+    if isinstance(entry, MeshEntry) or entry.triangles is not None:
+        return entry
+    return entry.model_copy(update={"triangles": SCENES[entry.generate].triangles})
+
+
 def resolved_yaml(config: SceneConfig) -> str:
     """Write a scene file that says everything: each default filled in, each path absolute.
 
     It reads back as the same scene. Left out is only what has no value to write: camera and light that a built-in
     scene brings, and ``algorithms`` where all are meant.
     """
-    data = config.model_dump(mode="json", exclude_none=True)
-    for item in data["geometry"]:
-        if "generate" in item:
-            item.setdefault("triangles", SCENES[item["generate"]].triangles)
+    data = config.model_dump(mode="json", exclude_none=True, exclude={"geometry"})
+    entries = [_with_count(entry).model_dump(mode="json", exclude_none=True) for entry in config.geometry]
+    data = {"name": config.name, "geometry": entries, **data}
     if config.algorithms is not None:
         data["algorithms"] = [{spec.name: complete_params(spec)} for spec in config.algorithms]
     stream = io.StringIO()

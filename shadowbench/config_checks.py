@@ -55,11 +55,10 @@ class _Checker:
     def __init__(self, document: Document) -> None:
         self.document = document
         self.problems = list(document.problems)
-        self.unreadable = {problem.path for problem in document.problems}
 
     def add(self, path: KeyPath, message: str, *, of_key: bool = False) -> None:
         """Note a problem, unless the text at that path could not even be read."""
-        if not any(path[:depth] in self.unreadable for depth in range(1, len(path) + 1)):
+        if not any(path[:depth] in self.document.unreadable for depth in range(1, len(path) + 1)):
             mark: Mark = self.document.mark(path, of_key=of_key)
             self.problems.append(Problem(mark, path, message))
 

@@ -43,6 +43,13 @@ def _three_numbers(value: Any) -> Any:
     return value
 
 
+def _filled_list(value: Any) -> Any:
+    """Refuse anything but a list of at least one."""
+    if not isinstance(value, list | tuple) or not value:
+        raise problem_at((), "must be a list with at least one item")
+    return value
+
+
 def _scale(value: Any) -> Any:
     """Let one number stand for three equal ones."""
     if isinstance(value, list | tuple):
@@ -119,7 +126,7 @@ class PoseKey(Section):
 class Animation(Section):
     """Rigid key frames of a geometry entry."""
 
-    path: Annotated[tuple[PoseKey, ...], Field(min_length=1)] = Field(description="poses in order of time")
+    path: Annotated[tuple[PoseKey, ...], BeforeValidator(_filled_list)] = Field(description="poses in order of time")
 
     @model_validator(mode="before")
     @classmethod
@@ -174,7 +181,7 @@ class CameraConfig(Section):
 
     eye: Vector | None = None
     target: Vector | None = None
-    path: Annotated[tuple[CameraKey, ...], Field(min_length=1)] | None = Field(
+    path: Annotated[tuple[CameraKey, ...], BeforeValidator(_filled_list)] | None = Field(
         None, description="key frames of a Catmull-Rom curve, spread evenly over the frames")
     closed: StrictBool = Field(False, description="whether the path returns to its first key frame")
     up: Vector = (0.0, 1.0, 0.0)
@@ -228,7 +235,7 @@ class LightConfig(Section):
 
     position: Vector | None = Field(None, description="a point light, world")
     direction: Vector | None = Field(None, description="the direction in which a directional light travels")
-    path: Annotated[tuple[Vector, ...], Field(min_length=1)] | None = Field(
+    path: Annotated[tuple[Vector, ...], BeforeValidator(_filled_list)] | None = Field(
         None, description="positions of a point light: key frames of a Catmull-Rom curve")
     closed: StrictBool = Field(False, description="whether the path returns to its first position")
 
@@ -262,7 +269,7 @@ class SceneConfig(Section):
     """A scene file."""
 
     name: Name = Field(description="name of the scene in results; the file's name without it")
-    geometry: Annotated[tuple[MeshEntry | GenerateEntry, ...], Field(min_length=1)]
+    geometry: tuple[MeshEntry | GenerateEntry, ...] = Field(min_length=1)
     camera: CameraConfig | None = Field(None, description="may be left out if a generated scene brings one")
     light: LightConfig | None = Field(None, description="may be left out if a generated scene brings one")
     image: ImageConfig = ImageConfig()

@@ -125,7 +125,7 @@ _EXPECTED = {
     "model_attributes_type": "a mapping", "greater_than": "greater than {gt}",
     "greater_than_equal": "at least {ge}", "less_than": "less than {lt}", "less_than_equal": "at most {le}",
     "string_pattern_mismatch": "a word of letters, digits, '_', '-' and '.'",
-    "string_too_long": "at most {max_length} characters long", "too_short": "a list of at least {min_length}",
+    "string_too_long": "at most {max_length} characters long",
     "string_too_short": "at least {min_length} character long",
 }
 """What a value should have been, by the type of pydantic's error."""

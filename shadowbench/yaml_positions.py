@@ -68,6 +68,7 @@ class Document:
     value : mappings, lists and scalars; None where nothing could be read.
     values, keys : place of the value and of the key at each key path.
     problems : what is wrong with the text itself.
+    unreadable : paths of the values that are missing because of that.
     overrides : key paths that were set from outside the file, with the text that set them.
     folder : the folder that relative paths start from.
     text : what was parsed.
@@ -80,6 +81,7 @@ class Document:
     values: dict[KeyPath, Mark] = field(default_factory=dict)
     keys: dict[KeyPath, Mark] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
+    unreadable: set[KeyPath] = field(default_factory=set)
     overrides: dict[KeyPath, str] = field(default_factory=dict)
 
     def mark(self, path: KeyPath, *, of_key: bool = False) -> Mark:
@@ -226,6 +228,11 @@ class _Builder:
         """Note a problem at the start of a node."""
         self.document.problems.append(Problem(_mark(node.start_mark), path, message))
 
+    def lost(self, node: Node, path: KeyPath, message: str) -> None:
+        """Note a problem that leaves the value at `path` missing."""
+        self.problem(node, path, message)
+        self.document.unreadable.add(path)
+
     def build(self, node: Node, path: KeyPath) -> Any:
         """Make the value of a node; None, with a problem noted, where there is none."""
         self.document.values[path] = _mark(node.start_mark)
@@ -235,7 +242,7 @@ class _Builder:
             return self.mapping(node, path)
         if isinstance(node, ScalarNode):
             return self.scalar(node, path)
-        return self.problem(node, path, f"the tag {_tag_text(node.tag)} is not supported: remove it")
+        return self.lost(node, path, f"the tag {_tag_text(node.tag)} is not supported: remove it")
 
     def mapping(self, node: MappingNode, path: KeyPath) -> dict[str, Any]:
         """Make a mapping; a key that comes twice keeps its first value."""
@@ -261,20 +268,20 @@ class _Builder:
         """Make a number, a truth value, text or None."""
         if node.tag in _TEXT_TAGS:
             if any(0xD800 <= ord(c) < 0xE000 for c in node.value):
-                return self.problem(node, path, "half of a surrogate pair is no character")
+                return self.lost(node, path, "half of a surrogate pair is no character")
             return str(node.value)
         if node.tag not in _TYPED_TAGS:
-            return self.problem(node, path, f"the tag {_tag_text(node.tag)} is not supported: remove it")
+            return self.lost(node, path, f"the tag {_tag_text(node.tag)} is not supported: remove it")
         try:
             value = self.constructor.construct_object(node)
         except (ValueError, LookupError, OverflowError):
-            return self.problem(node, path, f"{shorten(node.value)!r} can't be read as {node.tag[len(_TAG):]}")
+            return self.lost(node, path, f"{shorten(node.value)!r} can't be read as {node.tag[len(_TAG):]}")
         if isinstance(value, float):
             value = float(value)        # ruamel makes a subclass that remembers its spelling
             if not math.isfinite(value):
-                return self.problem(node, path, f"must be a finite number, not {shorten(node.value)}")
+                return self.lost(node, path, f"must be a finite number, not {shorten(node.value)}")
         if isinstance(value, int) and abs(value) > MAX_INTEGER:
-            return self.problem(node, path, f"{shorten(node.value)} is too large a number")
+            return self.lost(node, path, f"{shorten(node.value)} is too large a number")
         return value
 
 

@@ -60,7 +60,7 @@ def test_an_alias_stands_where_its_anchor_is():
     ("a: 1\nb: \x07", ["f:2:4 YAML: the character U+0007 is not allowed"]),
     ("", ["f:1:1 the file is empty: it needs at least 'geometry'"]),
     ("# only a comment\n", ["f:1:1 the file is empty: it needs at least 'geometry'"]),
-    ("a: " + "[" * 5000, ["f:1:34 nested more than 32 levels deep"]),
+    ("a: " + "[" * 5000, ["f:1:35 nested more than 32 levels deep"]),
     ("a: &x [*x]", ["f:1:1 holds more than 50,000 values once aliases are written out"]),
 ])
 def test_problems_name_their_place(text, expected):
