@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -27,7 +27,8 @@ from shadowbench.probe import Probe
 from shadowbench.progress import Progress
 from shadowbench.report import pictures
 from shadowbench.report.html import write_report
-from shadowbench.results import AccuracyRecord, CellResult, RunFolder, make_key, make_label
+from shadowbench.results import AccuracyRecord, CellResult, RunFolder, RunStatus, make_key, make_label
+from shadowbench.scene_models import GenerateEntry
 from shadowbench.scenes.loader import Scene
 from shadowbench.view_samples import render_view_samples
 
@@ -121,7 +122,7 @@ def plan(scene: Scene, selections: Iterable[tuple[str, AlgorithmParams]], frames
             for frame in frames for label, algorithm in algorithms.items()]
 
 
-def sweep(selections: Iterable[tuple[str, dict[str, Any]]], matrix: dict[str, list[Any]]
+def sweep(selections: Iterable[tuple[str, dict[str, Any]]], matrix: Mapping[str, Sequence[Any]]
           ) -> list[tuple[str, dict[str, Any]]]:
     """Expand ``matrix`` axes named ``algorithm.parameter`` into one selection per combination of values."""
     expanded = []
@@ -153,7 +154,7 @@ class Runner:
 
     def run(self) -> RunSummary:
         """Run everything that is planned; on Ctrl-C keep what is finished."""
-        status = "done"
+        status: RunStatus = "done"
         jit.set_threads(self.options.threads)
         try:
             for frame, cells in itertools.groupby(self.cells, key=lambda cell: cell.frame):
@@ -165,16 +166,16 @@ class Runner:
         if status == "done" and any(cell.status == "failed" for cell in self.folder.cells):
             status = "partial"
         self.folder.write_tables()
-        self.folder.write_status(status, warnings=self.summary.warnings,
+        self.folder.write_status(status, warnings=self.summary.warnings, threading_layer=jit.threading_layer(),
                                  seconds={name: round(value, 6) for name, value in self.seconds.items()})
         write_report(self.folder)
         return self.summary
 
     @contextmanager
-    def _clock(self, name: str) -> Iterator[None]:
+    def _clock(self, name: str, what: str = "") -> Iterator[None]:
         """Add the time spent inside to `seconds`, and time spent compiling to "compilation" instead."""
         def announce() -> None:
-            self.progress.note(f"compiling kernels for {name} (kept for later runs)")
+            self.progress.note(f"compiling kernels for {what or name} (once; they are kept for later runs)")
 
         start = time.perf_counter()
         with jit.CompileWatch(announce) as watch:
@@ -228,22 +229,26 @@ class Runner:
         """Fill in counts, accuracy, timings and pictures."""
         algorithm = cell.algorithm
         compiled_before = self.seconds["compilation"]
-        with self._clock("prepare"):
+        with self._clock("prepare", cell.label):
             frame = self._prepare(cell, frame)
-        with self._clock("cells"):
+        with self._clock("cells", cell.label):
             probe = Probe(counting=True)
             buffer = algorithm.shadows(frame, probe)
         _check_buffer(buffer, frame)
-        truth = self._truth(frame, algorithm.casters(frame), truths)
+        casters = algorithm.casters(frame)
+        truth = self._truth(frame, casters, truths)
         errors = accuracy.classify(buffer.shadow, truth.shadow, truth.ambiguous, frame.samples.candidate)
         measured = accuracy.measure(buffer.shadow, errors, truth.ambiguous, frame.samples.candidate)
         result.accuracy = AccuracyRecord(**asdict(measured))
+        if casters is not None:
+            everything = self._truth(frame, None, truths)
+            result.accuracy.caster_difference = int(np.count_nonzero(truth.shadow != everything.shadow))
         if algorithm.exact and measured.wrong:
             self._warn(f"frame {cell.frame}: {cell.label} is meant to be exact but has {measured.wrong} wrong samples")
         if "counts" in self.options.only:
             result.counts, result.levels = probe.all_counts(), probe.levels
         if "timings" in self.options.only:
-            with self._clock("cells"):
+            with self._clock("cells", cell.label):
                 self._repeat(algorithm, frame, buffer, result)
         result.memory_bytes = probe.memory_bytes
         result.jit_seconds = round(self.seconds["compilation"] - compiled_before, 6)
@@ -315,7 +320,7 @@ def describe(scene: Scene, options: RunOptions, argv: list[str]) -> dict[str, An
     return {"argv": argv, "scene": scene.name, "scene_file": None if scene.path is None else str(scene.path),
             "digests": scene.digests, "image": asdict(scene.image), "bias": scene.bias,
             "frames": list(options.frames), "repeats": options.repeats, "only": sorted(options.only),
-            "threads": options.threads, "threading_layer": jit.threading_layer(),
-            "seeds": [entry.seed for entry in scene.config.geometry if getattr(entry, "seed", None) is not None],
+            "threads": options.threads,
+            "seeds": [entry.seed for entry in scene.config.geometry if isinstance(entry, GenerateEntry)],
             "packages": environment.package_versions(), "git": environment.git_state(),
             "processor": environment.processor()}
