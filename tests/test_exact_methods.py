@@ -77,7 +77,7 @@ def test_no_sample_of_a_random_soup_is_wrong(name, seed, kind, data):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "kind"), product(EXACT, ["random", "grid", "slivers"]))
+@pytest.mark.parametrize(("name", "kind"), [*product(EXACT, ["random", "grid", "slivers"])])
 def test_no_sample_of_500_soups_is_wrong(name, kind):
     options = [c for n, c in VARIANTS if n == name and not any((n, k, v) in BROKEN_ON_PURPOSE for k, v in c.items())]
     wrong = {}
