@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
+from ruamel.yaml.representer import SafeRepresenter
 
 from shadowbench.algorithm_specs import complete_params, parse_algorithm_spec, validate_params
 from shadowbench.algorithms import ALGORITHMS
@@ -224,6 +225,17 @@ def scene_schema() -> dict[str, Any]:
     return schema
 
 
+class _Representer(SafeRepresenter):
+    """Writes text with unprintable characters in double quotes, where alone they survive."""
+
+    def represent_text(self, text: str) -> Any:
+        """Choose the quotes; ruamel knows those of printable text."""
+        return self.represent_scalar("tag:yaml.org,2002:str", text, style=None if text.isprintable() else '"')
+
+
+_Representer.add_representer(str, _Representer.represent_text)
+
+
 def _with_count(entry: MeshEntry | GenerateEntry) -> MeshEntry | GenerateEntry:
     """Fill in a generated scene's own number of triangles."""
     if isinstance(entry, MeshEntry) or entry.triangles is not None:
@@ -244,8 +256,9 @@ def resolved_yaml(config: SceneConfig) -> str:
         data["algorithms"] = [{spec.name: complete_params(spec)} for spec in config.algorithms]
     stream = io.StringIO()
     writer: Any = YAML(typ="safe", pure=True)
+    writer.Representer = _Representer
     writer.default_flow_style = False
     writer.sort_base_mapping_type_on_output = False
-    writer.width = 100
+    writer.width = MAX_BYTES                # never fold a line: folding loses spaces of odd file names
     writer.dump(data, stream)
     return stream.getvalue()

@@ -28,8 +28,6 @@ from shadowbench.validation import Fault, describe, did_you_mean, faults_of
 from shadowbench.yaml_positions import Document, KeyPath, Mark, Problem
 
 Model = TypeVar("Model", bound=BaseModel)
-Checked = TypeVar("Checked", bound=CheckedSection)
-
 _BY_PYDANTIC = ("name", "camera", "light", "image", "frames", "bias")
 _CHECKED: dict[str, type[CheckedSection]] = {"camera": CameraConfig, "light": LightConfig}
 
@@ -91,7 +89,7 @@ class _Checker:
             self.add_faults(path, faults_of(error, model, value))
             return None
 
-    def checked_section(self, model: type[Checked], value: Any, path: KeyPath) -> Checked | None:
+    def checked_section(self, model: type[CheckedSection], value: Any, path: KeyPath) -> CheckedSection | None:
         """Check a section key by key, and then what its good keys say together, so that no error hides another.
 
         Returns

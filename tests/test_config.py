@@ -466,6 +466,17 @@ def test_resolved_files_read_back_as_the_same_scene(text, folder):
     assert [g.scale for g in again.geometry] == [g.scale for g in config.geometry]
 
 
+@pytest.mark.parametrize("name", ["a: b #.obj", ": a.obj", "n\x85l  x\ty.obj", "'q\".obj", "é😀.obj",
+                                  "- [x" + "  y" * 70])
+def test_odd_file_names_survive(name, tmp_path):
+    (tmp_path / name).write_text("")
+    scene = {"geometry": [{"mesh": name}], "camera": {"eye": [0, 0, 5], "target": [0, 0, 0]},
+             "light": {"position": [0, 5, 0]}}
+    text = json.dumps(scene, ensure_ascii=False).replace("\x85", "\\N")
+    config = load_config(tmp_path / "s.yaml", text=text)
+    assert load_config("t.yaml", text=resolved_yaml(config)).geometry[0].mesh == str(tmp_path / name)
+
+
 def test_resolved_files_fill_in_every_default(folder):
     resolved = YAML(typ="safe", pure=True).load(resolved_yaml(load_config(folder / "s.yaml", text=FULL)))
     assert resolved["algorithms"][1] == {"sample": {"branching": 16, "casters": "back_faces", "slopes": [0.0, 1.0],

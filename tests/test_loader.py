@@ -60,7 +60,7 @@ def test_obj_keeps_vertices_faces_and_materials(tmp_path):
     (tmp_path / "m.obj").write_text(
         "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
         "usemtl red\nf 1/1 2/2 3/3\nf 1/1 1/1 2/2\nusemtl leaf\nf 2/2 3/3 4/1\nusemtl ghost\nf 1 2 3 4\n")
-    mesh = load_mesh(tmp_path / "m.obj")
+    mesh, digest = load_mesh(tmp_path / "m.obj")
     by_name = {m.name: (i, m) for i, m in enumerate(mesh.materials)}
     assert by_name["red"][1] == Material("red", (0.7, 0.1, 0.2), 0.3)
     assert by_name["leaf"][1] == Material("leaf", (1.0, 1.0, 1.0), 1.0, str(tmp_path / "leaf.png"))
@@ -70,25 +70,25 @@ def test_obj_keeps_vertices_faces_and_materials(tmp_path):
     np.testing.assert_array_equal(corners(mesh)[leaf], [[[1, 0, 0], [0, 1, 0], [0, 0, 0]]])
     np.testing.assert_array_equal(mesh.uv[leaf], [[[1, 0], [0, 1], [0, 0]]])
     assert mesh.vertices.dtype == np.float64 and mesh.triangles.dtype == mesh.material.dtype == np.int32
-    assert mesh.digest == hashlib.sha256((tmp_path / "m.obj").read_bytes()).hexdigest()
+    assert digest == hashlib.sha256((tmp_path / "m.obj").read_bytes()).hexdigest()
 
 
 def test_obj_and_mtl_need_not_be_utf_8(tmp_path):
     (tmp_path / "m.mtl").write_bytes("newmtl Blätter\nd 0.5\n".encode("latin-1"))
     (tmp_path / "m.obj").write_bytes(f"# café\nmtllib m.mtl\nusemtl Blätter\n{TRIANGLE_OBJ}".encode("latin-1"))
-    assert load_mesh(tmp_path / "m.obj").materials == (Material("Blätter", alpha=0.5),)
+    assert load_mesh(tmp_path / "m.obj").mesh.materials == (Material("Blätter", alpha=0.5),)
 
 
 def test_obj_without_its_materials_loads_plain(tmp_path):
     (tmp_path / "m.obj").write_text("mtllib none.mtl\nusemtl x\n" + TRIANGLE_OBJ)
-    assert load_mesh(tmp_path / "m.obj").materials == (Material(),)
+    assert load_mesh(tmp_path / "m.obj").mesh.materials == (Material(),)
 
 
 def test_obj_negative_indices_count_from_their_own_line(tmp_path):
     text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf -3/-1 -2/1 -1/1\nv 5 0 0\nv 6 0 0\nv 5 1 0\nf -3// -2 -1\n"
     assert absolute_obj_indices(text).splitlines()[4::4] == [b"f 1/1 2/1 3/1", b"f 4// 5 6"]
     (tmp_path / "m.obj").write_bytes(text.replace(b"/-1", b"").replace(b"/1", b"").replace(b"//", b""))
-    np.testing.assert_array_equal(np.sort(corners(load_mesh(tmp_path / "m.obj"))[:, :, 0].max(axis=1)), [1, 6])
+    np.testing.assert_array_equal(np.sort(corners(load_mesh(tmp_path / "m.obj").mesh)[:, :, 0].max(axis=1)), [1, 6])
     assert absolute_obj_indices(TRIANGLE_OBJ.encode()) == TRIANGLE_OBJ.encode()
 
 
@@ -105,7 +105,7 @@ def test_obj_negative_indices_count_from_their_own_line(tmp_path):
 def test_plain_formats(kind, text, packed, tmp_path):
     file = tmp_path / f"m.{kind.upper()}{'.gz' if packed else ''}"
     file.write_bytes(gzip.compress(text.encode()) if packed else text.encode())
-    mesh = load_mesh(file)
+    mesh = load_mesh(file).mesh
     np.testing.assert_array_equal(corners(mesh), [[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 0, 0], [0, 1, 0], [0, 0, 1]]])
     assert mesh.uv is None and mesh.materials == (Material(),)
 
@@ -121,7 +121,7 @@ def test_gltf_places_instances_and_keeps_materials_exactly(tmp_path):
                 "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 0.45]}}
     (tmp_path / "m.glb").write_bytes(glb(*gltf_header(nodes, materials=[material], cameras=[
         {"type": "perspective", "perspective": {"yfov": 1, "znear": 1}}])))
-    mesh = load_mesh(tmp_path / "m.glb")
+    mesh = load_mesh(tmp_path / "m.glb").mesh
     assert mesh.materials == (Material("glass", (0.1, 0.2, 0.3), 0.45),)       # not rounded to 8 bits
     placed = {tuple(t[0].round(12)): (t, uv) for t, uv in zip(corners(mesh), mesh.uv, strict=True)}
     np.testing.assert_allclose(placed[10, 0, 0][0], [[10, 0, 0], [12, 0, 0], [10, 2, 0]], atol=1e-12)
@@ -141,7 +141,7 @@ def test_gltf_places_instances_and_keeps_materials_exactly(tmp_path):
 ])
 def test_gltf_alpha_modes(material, expected, tmp_path):
     (tmp_path / "m.glb").write_bytes(glb(*gltf_header([{"mesh": 0}], materials=[material])))
-    assert load_mesh(tmp_path / "m.glb").materials == (expected,)
+    assert load_mesh(tmp_path / "m.glb").mesh.materials == (expected,)
 
 
 def test_gltf_with_files_beside_it(tmp_path):
@@ -152,7 +152,7 @@ def test_gltf_with_files_beside_it(tmp_path):
     (tmp_path / "m.bin").write_bytes(blob)
     (tmp_path / "m.gltf").write_text(json.dumps(header))
     (tmp_path / "my leaf.png").write_bytes(b"")
-    [material] = load_mesh(tmp_path / "m.gltf").materials
+    [material] = load_mesh(tmp_path / "m.gltf").mesh.materials
     assert material.alpha_texture == str(tmp_path / "my leaf.png")
 
 
@@ -207,7 +207,7 @@ def test_gltf_files_that_would_lose_geometry(change, expected, tmp_path):
     header, blob = gltf_header([{"mesh": 0}])
     (tmp_path / "m.glb").write_bytes(glb(header | change, blob))
     if expected is None:
-        assert len(load_mesh(tmp_path / "m.glb").triangles) == 1
+        assert len(load_mesh(tmp_path / "m.glb").mesh.triangles) == 1
         return
     with pytest.raises(InputError, match=expected):
         load_mesh(tmp_path / "m.glb")
@@ -215,7 +215,7 @@ def test_gltf_files_that_would_lose_geometry(change, expected, tmp_path):
 
 def test_a_bad_vertex_that_nothing_uses_is_harmless(tmp_path):
     (tmp_path / "m.off").write_text("OFF\n4 1 0\n0 0 0\n1 0 0\nnan 0 0\n0 1 0\n3 0 1 3\n")
-    mesh = load_mesh(tmp_path / "m.off")
+    mesh = load_mesh(tmp_path / "m.off").mesh
     assert np.isfinite(mesh.vertices).all() and len(mesh.triangles) == 1
 
 
@@ -237,7 +237,7 @@ MODELS = {
 
 @pytest.mark.parametrize(("file", "n_triangles"), MODELS.items())
 def test_real_models(models, file, n_triangles):
-    mesh = load_mesh(models / file)
+    mesh = load_mesh(models / file).mesh
     assert len(mesh.triangles) == n_triangles == len(mesh.material)
     assert np.isfinite(mesh.vertices).all() and mesh.triangles.max() < len(mesh.vertices)
     assert mesh.uv is None or mesh.uv.shape == (n_triangles, 3, 2)
@@ -245,11 +245,11 @@ def test_real_models(models, file, n_triangles):
 
 @pytest.mark.slow
 def test_the_dragon(models):
-    assert len(load_mesh(models / "scans" / "dragon_vrip.ply.gz").triangles) == 871_414
+    assert len(load_mesh(models / "scans" / "dragon_vrip.ply.gz").mesh.triangles) == 871_414
 
 
 def test_real_alpha_masks_are_kept(models):
-    mesh = load_mesh(models / "trees" / "oak_and_pine_mask.glb")
+    mesh = load_mesh(models / "trees" / "oak_and_pine_mask.glb").mesh
     masked = [i for i, m in enumerate(mesh.materials) if m.alpha_cutoff is not None]
     assert len(masked) == 3 and all(mesh.materials[i].alpha_cutoff == 128 / 255 for i in masked)
     assert np.ptp(mesh.uv[np.isin(mesh.material, masked)]) > 0.5
@@ -265,7 +265,7 @@ def test_node_transforms_agree_with_trimesh(models):
         matrix, name = scene.graph[node]
         points = scene.geometry[name].vertices @ matrix[:3, :3].T + matrix[:3, 3]
         boxes.append((points.min(axis=0), points.max(axis=0)))
-    mesh = load_mesh(file)
+    mesh = load_mesh(file).mesh
     used = corners(mesh).reshape(-1, 3)
     np.testing.assert_allclose(used.min(axis=0), np.min([low for low, _ in boxes], axis=0), atol=1e-6)
     np.testing.assert_allclose(used.max(axis=0), np.max([high for _, high in boxes], axis=0), atol=1e-6)
@@ -405,7 +405,7 @@ def test_loading_is_repeatable_and_silent(folder, capfd):
         header, blob = gltf_header([{"children": [1, 2]}, {"mesh": 0}, {"mesh": 0, "translation": [0.1, 0.2, 0.3]}])
         header["meshes"][0]["primitives"] *= 2
         (folder / "m.glb").write_bytes(glb(header, blob))
-        first, second = (load_mesh(folder / "m.glb") for _ in range(2))
+        first, second = (load_mesh(folder / "m.glb").mesh for _ in range(2))
     np.testing.assert_array_equal(first.vertices, second.vertices)
     np.testing.assert_array_equal(first.triangles, second.triangles)
     assert len(first.triangles) == 4 and capfd.readouterr() == ("", "")

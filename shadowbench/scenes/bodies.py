@@ -66,8 +66,7 @@ def load_body(entry: Placement, n_frames: int, folder: Path) -> tuple[Body, Proc
     generated: ProceduralScene | None = None
     if isinstance(entry, MeshEntry):
         loaded = load_mesh(entry.mesh)
-        part = np.zeros(len(loaded.triangles), np.int32)
-        mesh = Mesh(loaded.vertices, loaded.triangles, part, loaded.material, loaded.materials, loaded.uv)
+        mesh = loaded.mesh
         digests = {_relative(entry.mesh, folder): loaded.digest}
     else:
         assert isinstance(entry, GenerateEntry)

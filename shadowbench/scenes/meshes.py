@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.geometry import FloatArray, Material
+from shadowbench.geometry import FloatArray, Material, Mesh
 from shadowbench.scenes.gltf import read_gltf
 from shadowbench.scenes.transforms import (
     IDENTITY,
@@ -40,20 +40,12 @@ class LoadedMesh(NamedTuple):
 
     Attributes
     ----------
-    vertices : float64 (n_vertices, 3), in the file's own axes and unit, node transforms applied.
-    triangles : int32 (n_triangles, 3).
-    material : int32 (n_triangles,), index into `materials`.
-    materials : surfaces.
-    uv : float64 (n_triangles, 3, 2), texture coordinates per corner, v upwards, zero where the file has none;
-        None if it has none at all.
+    mesh : one part, in the file's own axes and unit, node transforms applied. Texture coordinates have v upwards,
+        and are zero on triangles without any in a file that has some.
     digest : sha256 of the file, hexadecimal.
     """
 
-    vertices: FloatArray
-    triangles: NDArray[np.int32]
-    material: NDArray[np.int32]
-    materials: tuple[Material, ...]
-    uv: FloatArray | None
+    mesh: Mesh
     digest: str
 
 
@@ -88,7 +80,7 @@ def load_mesh(path: str | Path) -> LoadedMesh:
     except Exception as error:      # trimesh raises whatever its parsers stumble over
         message = " ".join(str(error).split())[:200] or type(error).__name__
         raise InputError(f"{path}: not a readable {kind} file ({message}): export it again or convert it") from error
-    return _join(pieces, hashlib.sha256(data).hexdigest(), path)
+    return LoadedMesh(_join(pieces, path), hashlib.sha256(data).hexdigest())
 
 
 class _Piece(NamedTuple):
@@ -276,7 +268,7 @@ def check_vertices(vertices: FloatArray, triangles: NDArray[np.integer], where: 
                              "in use: repair the mesh")
 
 
-def _join(pieces: list[_Piece], digest: str, path: Path) -> LoadedMesh:
+def _join(pieces: list[_Piece], path: Path) -> Mesh:
     """Concatenate the pieces of a file."""
     if not pieces:
         raise InputError(f"{path}: no triangles: it holds points or lines only, or nothing "
@@ -291,8 +283,9 @@ def _join(pieces: list[_Piece], digest: str, path: Path) -> LoadedMesh:
     uv = None
     if any(piece.uv is not None for piece in pieces):
         uv = np.concatenate([np.zeros((len(p.triangles), 3, 2)) if p.uv is None else p.uv for p in pieces])
-    return LoadedMesh(
+    return Mesh(
         vertices=np.where(np.isfinite(vertices), vertices, 0.0),     # vertices that no triangle uses
         triangles=np.ascontiguousarray(triangles, np.int32),
+        part=np.zeros(len(triangles), np.int32),
         material=np.repeat(np.array(material, np.int32), sizes),
-        materials=tuple(index), uv=uv, digest=digest)
+        materials=tuple(index), uv=uv)
