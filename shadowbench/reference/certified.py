@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.reference.exact import exact_facing, exact_flags
-from shadowbench.reference.frusta import empty_frusta, find_facing, make_frusta
+from shadowbench.reference.frusta import Frusta, find_facing, make_frusta
 from shadowbench.reference.light_tree import (
     BRANCHING,
     LEAF_SAMPLES,
@@ -201,7 +201,7 @@ class _Search:
     def add_triangles(self, corners: NDArray[np.float64], casters: NDArray[np.bool_]) -> None:
         """Let a batch of triangles cast: deal out, then walk and settle in turn until all lists are done."""
         with self.stage("setup"):
-            frusta = empty_frusta(len(corners))
+            frusta = Frusta(np.zeros(len(corners), np.int8), np.empty((len(corners), 4, 6)))
             find_facing(frusta.facing, corners, casters, self.space.light)
             undecided = np.flatnonzero(frusta.facing == 2)
             frusta.facing[undecided] = exact_facing(corners[undecided], self.space.light)
@@ -217,7 +217,7 @@ class _Search:
             if np.all(self.work.next_item == ends):
                 return
 
-    def _deal(self, frusta: Any, corners: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    def _deal(self, frusta: Frusta, corners: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
         """List the triangles that may reach each work node; return the lists and where each ends."""
         arguments = (self.tree, frusta, corners, self.space, self.biases, self.work.finished)
         reached = np.zeros((N_BLOCKS, self.n_work), np.int64)
@@ -231,7 +231,7 @@ class _Search:
         list_reached(*arguments, starts, lists, self.counts)
         return lists, np.ascontiguousarray(ends[:, -1])
 
-    def _settle(self, frusta: Any, corners: NDArray[np.float64]) -> None:
+    def _settle(self, frusta: Frusta, corners: NDArray[np.float64]) -> None:
         """Settle the pairs that still matter in rational arithmetic, and empty the buffers."""
         work, tree = self.work, self.tree
         filled = np.arange(PAIR_CAPACITY) < work.n_pairs[:, None]
