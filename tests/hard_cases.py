@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from shadowbench.view_samples import render_view_samples
 
 from shadowbench.geometry import Camera, Frame, ImageSize, Light, Mesh
+from shadowbench.view_samples import render_view_samples
 
 BIAS_OF_DIAGONAL = 1e-5
 SMALL = ImageSize(48, 36)
