@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.geometry import Camera, CameraBasis, FloatArray, ImageSize, Light, Mesh, ViewSamples
+from shadowbench.geometry import Camera, FloatArray, ImageSize, Light, Mesh, ViewSamples
 from shadowbench.jit import kernel, parallel_kernel, prange
 from shadowbench.kernels.projection import N_WORKERS, View, chunk, screen_axis
 from shadowbench.kernels.rasterizer import Target, empty_target, rasterize
@@ -62,7 +62,7 @@ class _Visible(NamedTuple):
     candidate: NDArray[np.bool_]
 
 
-def camera_view(camera: CameraBasis, image: ImageSize) -> View:
+def camera_view(camera: Camera, image: ImageSize) -> View:
     """Make the view of a camera, with the samples of an image.
 
     Raises
@@ -76,11 +76,11 @@ def camera_view(camera: CameraBasis, image: ImageSize) -> View:
         raise ValueError(f"image must have at least one pixel, not {image.width} x {image.height}")
     if not 0.0 < camera.near < camera.far:
         raise ValueError(f"camera near and far must be 0 < near < far, not {camera.near} and {camera.far}")
-    pattern = SAMPLE_PATTERNS[image.samples]
+    basis, pattern = camera.basis(image.width / image.height), SAMPLE_PATTERNS[image.samples]
     # Rows run down the screen, against the camera's up axis
-    return View(camera.eye, camera.right, camera.up, camera.forward, float(camera.near), float(camera.far), True,
-                *screen_axis(image.width, pattern.x, camera.tan_x),
-                *screen_axis(image.height, pattern.y, -camera.tan_y))
+    return View(basis.eye, basis.right, basis.up, basis.forward, float(basis.near), float(basis.far), True,
+                *screen_axis(image.width, pattern.x, basis.tan_x),
+                *screen_axis(image.height, pattern.y, -basis.tan_y))
 
 
 def render_view_samples(mesh: Mesh, camera: Camera, light: Light, image: ImageSize) -> ViewSamples:
@@ -97,7 +97,7 @@ def render_view_samples(mesh: Mesh, camera: Camera, light: Light, image: ImageSi
     light : only decides which samples are lit candidates.
     image : size in pixels and samples per pixel (1, 2, 4, 8 or 16).
     """
-    view = camera_view(camera.basis(image.width / image.height), image)
+    view = camera_view(camera, image)
     target = empty_target(view)
     rasterize(view, mesh.vertices, mesh.triangles, target)
     rows, columns = target.depth.shape
