@@ -1,7 +1,7 @@
 """The fast stage: each triangle's shadow frustum walks the light tree.
 
-A batch of triangles is first dealt out to the work nodes it may reach (`count_reached`, `list_reached`), then each
-work node walks its own list in triangle order. Work nodes own disjoint samples, flags and pair buffers, and skip what
+A batch of triangles is first dealt out to the work nodes it may reach (`deal`), then each work node walks its own
+list in triangle order (`walk`). Work nodes own disjoint samples, flags and pair buffers, and skip what
 is finished, so results and counts depend on neither threads nor timing.
 """
 
@@ -67,7 +67,7 @@ class WalkCounts(NamedTuple):
 
 @kernel
 def _deal_block(tree, frusta, corners, space, biases, finished, reached, lists, block, counts):
-    """Find the work nodes that one block of triangles may reach; see `count_reached` and `list_reached`."""
+    """Find the work nodes that one block of triangles may reach; see `deal`."""
     # Arrays are taken from their records once: doing so in the loop counts references.
     box, children, facing, all_planes = tree.box, tree.children, frusta.facing, frusta.planes
     first_work, end_work = tree.work_nodes[0], tree.work_nodes[1]
@@ -97,17 +97,19 @@ def _deal_block(tree, frusta, corners, space, biases, finished, reached, lists, 
                         stack[depth] = child
                         depth += 1
                     continue
-                # In the second pass `reached` holds where the block writes in the list of the work node.
-                if lists is not None:
-                    lists[reached[block, node - first_work]] = t
-                reached[block, node - first_work] += 1
+                place = reached[block, node - first_work]
+                if place < len(lists):
+                    lists[place] = t
+                reached[block, node - first_work] = place + 1
     if counts is not None:
         counts.dealing_tests[block] += n_tests
 
 
 @parallel_kernel
-def count_reached(tree, frusta, corners, space, biases, finished, reached):
-    """Count the triangles of each block that may reach each work node.
+def deal(tree, frusta, corners, space, biases, finished, reached, lists, counts):
+    """Deal triangles out to the work nodes that they may reach.
+
+    Called twice: with no room in `lists` to count, then with `reached` turned into places, to fill the lists.
 
     Parameters
     ----------
@@ -115,22 +117,9 @@ def count_reached(tree, frusta, corners, space, biases, finished, reached):
     corners : float64 (n, 3, 3), the batch's triangles, world.
     biases : float64 (3,), rounding floor, bias, twice the bias; world units.
     finished : bool (n_nodes,), nodes to leave out.
-    reached : int64 (N_BLOCKS, n_work), zero; written.
-    """
-    for block in prange(N_BLOCKS):
-        _deal_block(tree, frusta, corners, space, biases, finished, reached, None, block, None)
-
-
-@parallel_kernel
-def list_reached(tree, frusta, corners, space, biases, finished, reached, lists, counts):
-    """List the triangles that may reach each work node, in ascending order.
-
-    Parameters
-    ----------
-    reached : int64 (N_BLOCKS, n_work), where each block starts to write for each work node; moved on.
-    lists : int32, written.
+    reached : int64 (N_BLOCKS, n_work), where the next triangle of each block goes for each work node; moved on.
+    lists : int32, written where there is room: triangles, ascending within a work node.
     counts : `WalkCounts` or None.
-    (the others as in `count_reached`)
     """
     for block in prange(N_BLOCKS):
         _deal_block(tree, frusta, corners, space, biases, finished, reached, lists, block, counts)
@@ -243,7 +232,7 @@ def walk(tree, frusta, corners, space, biases, lists, ends, work, counts):
     ends : int64 (n_work,).
     work : `Work`, read and written.
     counts : `WalkCounts` or None.
-    (the others as in `count_reached`)
+    (the others as in `deal`)
     """
     for w in prange(len(ends)):
         _walk_work_node(tree, frusta, corners, space, biases, lists, ends, work, w, counts)
