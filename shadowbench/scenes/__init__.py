@@ -45,13 +45,13 @@ ALL_SCENES: tuple[SceneEntry, ...] = (
     SceneEntry("cubes", "Closed cubes floating in a room around the light",
                12_000, "shadowbench.scenes.cubes:generate"),
     SceneEntry("plane_square", "Square over a plane: its shadow is known in closed form",
-               82, f"{_ANALYTIC}:plane_square"),
+               52, f"{_ANALYTIC}:plane_square"),
     SceneEntry("plane_disc", "Tilted regular polygon over a plane: its shadow is known in closed form",
-               74, f"{_ANALYTIC}:plane_disc"),
+               72, f"{_ANALYTIC}:plane_disc"),
     SceneEntry("plane_frame", "Frame with a hole over a plane: its shadow is known in closed form",
                58, f"{_ANALYTIC}:plane_frame"),
     SceneEntry("plane_box", "Box over a plane: its shadow is known in closed form",
-               98, f"{_ANALYTIC}:plane_box"),
+               62, f"{_ANALYTIC}:plane_box"),
     SceneEntry("plane_tetrahedron", "Tetrahedron over a plane: its shadow is known in closed form",
                54, f"{_ANALYTIC}:plane_tetrahedron"),
     SceneEntry("slit", "Narrow slit between two walls: its light is known in closed form",
@@ -59,9 +59,9 @@ ALL_SCENES: tuple[SceneEntry, ...] = (
     SceneEntry("treads", "Open staircase over a plane: its shadow is known in closed form",
                134, f"{_ANALYTIC}:treads"),
     SceneEntry("sunlit_square", "Square over a plane under a directional light: known in closed form",
-               82, f"{_ANALYTIC}:sunlit_square"),
+               52, f"{_ANALYTIC}:sunlit_square"),
     SceneEntry("sunlit_boxes", "Two boxes shading each other under a directional light: known in closed form",
-               146, f"{_ANALYTIC}:sunlit_boxes"),
+               74, f"{_ANALYTIC}:sunlit_boxes"),
 )
 
 SCENES: dict[str, SceneEntry] = {entry.name: entry for entry in ALL_SCENES}

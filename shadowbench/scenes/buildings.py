@@ -201,7 +201,8 @@ def house(site: Site, size: Sequence[float], roof: str, detail: float) -> None:
     beam, out = 0.11, 0.07
     for turn in (0, 180):
         side = site.inner(0.0, 0.0, 0.0, turn)
-        uprights = [box((c - beam, 0.9, z - out), (c + beam, height, z + out)) for c in (-x, -0.36 * width, 0.36 * width, x)]
+        uprights = [box((c - beam, 0.9, z - out), (c + beam, height, z + out))
+                    for c in (-x, -0.36 * width, 0.36 * width, x)]
         side.add(join([*uprights, box((-x, height - beam, z - out), (x, height + beam, z + out))]), "wood")
         window(side.inner(-0.2 * width, 1.9, z), 0.9, 1.1)
         window(side.inner(0.0, height + 0.35 * rise, z), 0.8, 0.9)
