@@ -118,8 +118,8 @@ def test_light_in_the_plane_of_a_triangle_makes_no_candidates():
     for _ in range(20):
         corners = rng.normal(size=(3, 3)) * [2, 2, 0.3]
         weights = rng.normal(size=3)
-        light = (weights / weights.sum()) @ corners            # in the plane, but for rounding
-        for light in (Light.point(*light), Light.point(*corners[0]), Light.directional(*(corners[1] - corners[0]))):
+        point = (weights / weights.sum()) @ corners            # in the plane, but for rounding
+        for light in (Light.point(*point), Light.point(*corners[0]), Light.directional(*(corners[1] - corners[0]))):
             samples = render_view_samples(Mesh.from_arrays(corners, [0, 1, 2]), CAMERA, light, ImageSize(30, 30))
             assert np.any(samples.triangle == 0) and not samples.candidate.any()
 
