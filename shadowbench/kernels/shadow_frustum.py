@@ -20,9 +20,9 @@ Sintorn et al. 2011, sec. 3.5. The *wedge* planes of Sintorn et al. 2014 contain
 (a convex combination of its vertices v, seen from the eye), e' from the light to v' (of the e) and t >= 0. Let V and
 E be the largest |v| and |e|, h <= |e'| the light's distance from the triangle's plane, and suppose that a unit normal m
 has ``m . v <= tau V`` and ``m . e <= tau |e|`` for every vertex. As ``t |e'| = |p - v'| <= |p| + V``, the value over
-the depth is at most ``tau (V R + (l + V R) E / h)``, with R the largest 1 / depth and l the longest ray at depth 1. `_limit` picks
-tau so that this stays below `SLACK`, by which the row is moved outwards; a plane that misses it is left out. The
-same holds for a wedge plane through a vertex w with ``m . (v - w) <= tau V``.
+the depth is at most ``tau (V R + (l + V R) E / h)``, with R the largest 1 / depth and l the longest ray at depth 1.
+`_limit` picks tau so that this stays below `SLACK`, by which the row is moved outwards; a plane that misses it is
+left out. The same holds for a wedge plane through a vertex w with ``m . (v - w) <= tau V``.
 """
 
 from typing import NamedTuple
