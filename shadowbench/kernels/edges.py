@@ -96,7 +96,7 @@ def _add_multiplicities(worker, adjacency, facing, multiplicity):
 @parallel_kernel
 def _add_all_multiplicities(adjacency, facing, multiplicity):
     for worker in prange(N_WORKERS):
-        _add_multiplicities(worker, adjacency, facing, multiplicity)
+        _add_multiplicities(np.int64(worker), adjacency, facing, multiplicity)
 
 
 def edge_multiplicities(adjacency: EdgeAdjacency, facing: NDArray[np.int8]) -> NDArray[np.int32]:

@@ -52,7 +52,7 @@ def _eye_chunk(worker, adjacency, light, casters, bias, view, reach, state):
 @parallel_kernel
 def _all_eye_states(adjacency, light, casters, bias, view, reach, state):
     for worker in prange(N_WORKERS):
-        _eye_chunk(worker, adjacency, light, casters, bias, view, reach, state)
+        _eye_chunk(np.int64(worker), adjacency, light, casters, bias, view, reach, state)
 
 
 def eye_states(adjacency, light: NDArray[np.float64], casters, bias: float, view) -> NDArray[np.int8]:
@@ -127,4 +127,4 @@ def add_touching(touching, adjacency, light, casters, bias, view, target):
     target : StencilTarget, updated in place.
     """
     for worker in prange(N_WORKERS):
-        _test_rows(worker, touching, adjacency, light, casters, bias, view, target)
+        _test_rows(np.int64(worker), touching, adjacency, light, casters, bias, view, target)

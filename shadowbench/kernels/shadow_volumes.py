@@ -162,8 +162,8 @@ def _view_chunk(worker, adjacency, light, view, casters):
 @parallel_kernel
 def _find_all_casters(adjacency, light, casting, bias, view, casters):
     for worker in prange(N_WORKERS):
-        _facing_chunk(worker, adjacency, light, casting, bias, casters)
-        _view_chunk(worker, adjacency, light, view, casters)
+        _facing_chunk(np.int64(worker), adjacency, light, casting, bias, casters)
+        _view_chunk(np.int64(worker), adjacency, light, view, casters)
 
 
 def find_casters(adjacency, light: NDArray[np.float64], casting: NDArray[np.bool_], bias: float, view) -> Casters:

@@ -159,13 +159,13 @@ def _scatter_chunk(worker, n_rows, faces, limits, bins):
 @parallel_kernel
 def _count_all(n_rows, faces, limits, counted):
     for worker in prange(N_WORKERS):
-        _count_chunk(worker, n_rows, faces, limits, counted)
+        _count_chunk(np.int64(worker), n_rows, faces, limits, counted)
 
 
 @parallel_kernel
 def _scatter_all(n_rows, faces, limits, bins):
     for worker in prange(N_WORKERS):
-        _scatter_chunk(worker, n_rows, faces, limits, bins)
+        _scatter_chunk(np.int64(worker), n_rows, faces, limits, bins)
 
 
 def bin_faces(n_rows: int, faces: Faces, limits: VolumeLimits | None) -> Bins:

@@ -26,7 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.jit import kernel, parallel_kernel, prange
-from shadowbench.kernels.shadow_volumes import EDGE_ON, N_WORKERS, cap_plane, chunk, side_plane
+from shadowbench.kernels.edges import EdgeAdjacency
+from shadowbench.kernels.shadow_volumes import EDGE_ON, N_WORKERS, Casters, cap_plane, chunk, dot, side_plane
 from shadowbench.kernels.volume_polygons import MAX_CORNERS, clip_and_project
 
 BEHIND_PLANE, BEFORE_PLANE, EDGE_ON_PLANE, AT_INFINITY = 0, 1, 2, 3
@@ -76,18 +77,27 @@ class VolumeKind(NamedTuple):
     dark_caps: bool
 
 
+class _Scene(NamedTuple):
+    """What faces are made of; see `make_faces`."""
+
+    adjacency: EdgeAdjacency
+    light: NDArray[np.float64]
+    casters: Casters
+    multiplicity: NDArray[np.int32]
+    bias: float
+
+
 class _Scratch(NamedTuple):
     """Room for the face at work.
 
     Attributes
     ----------
     corners : float64 (4, 4), homogeneous view space.
-    polygon, spare : float64 (9, 4), for clipping.
+    room : float64 (2, 9, 4), for clipping.
     """
 
     corners: NDArray[np.float64]
-    polygon: NDArray[np.float64]
-    spare: NDArray[np.float64]
+    room: NDArray[np.float64]
 
 
 @kernel
@@ -108,171 +118,167 @@ def first_at_or_after(positions, per_unit, value):
 
 
 @kernel
-def _put_point(scratch, i, casters, position, shift):
-    """Set a corner to a position, moved away from the light."""
+def _put_corner(scratch, i, casters, position, shift):
+    """Set a corner to a position moved away from the light by `shift`, to infinity if that is infinite."""
+    finite = shift < np.inf
     for c in range(3):
-        scratch.corners[i, c] = casters.positions_view[position, c] + shift * casters.away_view[position, c]
-    scratch.corners[i, 3] = 1.0
-
-
-@kernel
-def _put_infinity(scratch, i, casters, position):
-    """Set a corner to the end at infinity of a position's light ray."""
-    for c in range(3):
-        scratch.corners[i, c] = casters.away_view[position, c]
-    scratch.corners[i, 3] = 0.0
+        away = casters.away_view[position, c]
+        scratch.corners[i, c] = casters.positions_view[position, c] + shift * away if finite else away
+    scratch.corners[i, 3] = 1.0 if finite else 0.0
 
 
 @kernel
 def _project_face(view, scratch, n_corners, faces, slot):
     """Clip and project the face at work, and tell whether a sample's row and a sample's column cross its bounds."""
-    scratch.polygon[:n_corners] = scratch.corners[:n_corners]
-    polygon = faces.polygon[slot]
-    n = clip_and_project(view, scratch.polygon, n_corners, scratch.spare, polygon)
-    if n == 0:
+    for i in range(n_corners):
+        for c in range(4):
+            scratch.room[0, i, c] = scratch.corners[i, c]
+    n = clip_and_project(view, scratch.room, n_corners, faces.polygon, slot)
+    left = top = np.inf
+    right = bottom = -np.inf
+    for i in range(n):
+        x, down = faces.polygon[slot, i, 0], faces.polygon[slot, i, 1]
+        left, right, top, bottom = min(left, x), max(right, x), min(top, down), max(bottom, down)
+    if not (left <= view.x[-1] and right >= view.x[0] and top <= view.down[-1] and bottom >= view.down[0]):
         return False
-    left = right = polygon[0, 0]
-    top = bottom = polygon[0, 1]
-    for i in range(1, n):
-        left, right = min(left, polygon[i, 0]), max(right, polygon[i, 0])
-        top, bottom = min(top, polygon[i, 1]), max(bottom, polygon[i, 1])
-    n_columns, n_rows = len(view.x), len(view.down)
     column = first_at_or_after(view.x, view.columns_per_unit, left)
     row = first_at_or_after(view.down, view.rows_per_unit, top)
-    if column == n_columns or view.x[column] > right or row == n_rows or view.down[row] > bottom:
+    if view.x[column] > right or view.down[row] > bottom:
         return False
-    last = first_at_or_after(view.down, view.rows_per_unit, bottom)
+    # A level border at the bottom covers nothing, so its row may be left out or kept
     faces.rows[slot, 0] = row
-    faces.rows[slot, 1] = last if last < n_rows and view.down[last] == bottom else last - 1
+    faces.rows[slot, 1] = first_at_or_after(view.down, view.rows_per_unit, bottom) - 1
     faces.n_corners[slot] = n
     return True
 
 
 @kernel
-def _set_borders(scratch, n_corners, plane, borders):
+def _set_borders(scratch, n_corners, faces, slot):
     """Set up planes through the borders of a face, at right angles to it, positive on its inner side."""
-    nx, ny, nz = plane[1], plane[2], plane[3]
+    nx, ny, nz = faces.plane[slot, 1], faces.plane[slot, 2], faces.plane[slot, 3]
     for i in range(4):
-        borders[i] = 0.0
-        if i < n_corners:
-            a, b = scratch.corners[i], scratch.corners[(i + 1) % n_corners]
-            if a[3] == 1.0 or b[3] == 1.0:
-                sign = 1.0 if a[3] == 1.0 else -1.0
-                point, end = (a, b) if a[3] == 1.0 else (b, a)
-                x, y, z = sign * end[0], sign * end[1], sign * end[2]
-                if end[3] == 1.0:
-                    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-                # Right, up and forward are a left-handed system: the product of (n, direction) changes sign
-                mx, my, mz = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
-                borders[i, 0] = -(mx * point[0] + my * point[1] + mz * point[2])
-                borders[i, 1], borders[i, 2], borders[i, 3] = mx, my, mz
+        j = i + 1 if i + 1 < n_corners else 0
+        a, b = (i, j) if scratch.corners[i, 3] == 1.0 else (j, i)
+        mx = my = mz = at_eye = 0.0
+        if i < n_corners and scratch.corners[a, 3] == 1.0:
+            x, y, z = scratch.corners[b, 0], scratch.corners[b, 1], scratch.corners[b, 2]
+            px, py, pz = scratch.corners[a, 0], scratch.corners[a, 1], scratch.corners[a, 2]
+            if scratch.corners[b, 3] == 1.0:
+                x, y, z = x - px, y - py, z - pz
+            sign = 1.0 if a == i else -1.0
+            # Right, up and forward are a left-handed system: the product of (normal, direction) changes sign
+            mx, my, mz = sign * (y * nz - z * ny), sign * (z * nx - x * nz), sign * (x * ny - y * nx)
+            at_eye = -(mx * px + my * py + mz * pz)
+        faces.borders[slot, i, 0] = at_eye
+        faces.borders[slot, i, 1], faces.borders[slot, i, 2], faces.borders[slot, i, 3] = mx, my, mz
 
 
 @kernel
-def _finish_face(view, scratch, n_corners, normal, value, terms, sign, faces, slot):
+def _set_plane(view, scratch, n_corners, normal, value, terms, sign, faces, slot):
     """Store the plane of a projected face, its normal times `sign`."""
-    plane = faces.plane[slot]
-    plane[0] = sign * value
-    plane[1] = sign * (normal[0] * view.right[0] + normal[1] * view.right[1] + normal[2] * view.right[2])
-    plane[2] = sign * (normal[0] * view.up[0] + normal[1] * view.up[1] + normal[2] * view.up[2])
-    plane[3] = sign * (normal[0] * view.forward[0] + normal[1] * view.forward[1] + normal[2] * view.forward[2])
+    faces.plane[slot, 0] = sign * value
+    faces.plane[slot, 1] = sign * dot(normal, view.right)
+    faces.plane[slot, 2] = sign * dot(normal, view.up)
+    faces.plane[slot, 3] = sign * dot(normal, view.forward)
     if abs(value) <= EDGE_ON * terms:
         faces.eye_side[slot] = EDGE_ON_PLANE
-        _set_borders(scratch, n_corners, plane, faces.borders[slot])
+        _set_borders(scratch, n_corners, faces, slot)
     else:
-        faces.eye_side[slot] = BEHIND_PLANE if plane[0] < 0.0 else BEFORE_PLANE
+        faces.eye_side[slot] = BEHIND_PLANE if sign * value < 0.0 else BEFORE_PLANE
 
 
 @kernel
-def _add_side_quad(view, scratch, adjacency, light, casters, edge, sign, shifts, multiplicity, triangle, faces, slot):
-    """Add the side quad of an edge between two shifts; the second may be infinite. Return the next free slot.
+def _add_side_quad(view, scratch, scene, edge, sign, near_shift, far_shift, multiplicity, triangle, faces, slot):
+    """Add the side quad of an edge between two shifts; the far one may be infinite. Return the next free slot.
 
     `sign` is -1 where f decreases along the plane's normal: corners then run the other way.
     """
     first = 0 if sign > 0 else 1
-    a, b = adjacency.ends[edge, first], adjacency.ends[edge, 1 - first]
-    _put_point(scratch, 0, casters, a, shifts[0])
-    _put_point(scratch, 3, casters, b, shifts[0])
-    if shifts[1] == np.inf:
-        _put_infinity(scratch, 1, casters, a)
-        _put_infinity(scratch, 2, casters, b)
-    else:
-        _put_point(scratch, 1, casters, a, shifts[1])
-        _put_point(scratch, 2, casters, b, shifts[1])
+    for i in range(4):
+        position = scene.adjacency.ends[edge, first if i < 2 else 1 - first]
+        _put_corner(scratch, i, scene.casters, position, near_shift if i == 0 or i == 3 else far_shift)
     if not _project_face(view, scratch, 4, faces, slot):
         return slot
-    normal, value, terms = side_plane(adjacency, light, edge, view.eye)
-    _finish_face(view, scratch, 4, normal, value, terms, sign, faces, slot)
+    normal, value, terms = side_plane(scene.adjacency, scene.light, edge, view.eye)
+    _set_plane(view, scratch, 4, normal, value, terms, sign, faces, slot)
     faces.multiplicity[slot], faces.triangle[slot] = multiplicity, triangle
     return slot + 1
 
 
 @kernel
-def _add_caps(view, scratch, adjacency, casters, bias, kind, triangle, faces, slot):
-    """Add the caps of a triangle. Return the next free slot."""
+def _add_cap(view, scratch, scene, dark, triangle, faces, slot):
+    """Add the biased cap or the dark cap of a triangle. Return the next free slot."""
+    casters, adjacency = scene.casters, scene.adjacency
     # Counter-clockwise seen from behind: against the winding that faces the light
-    order = (0, 2, 1) if casters.facing[triangle] > 0 else (0, 1, 2)
     for i in range(3):
-        _put_point(scratch, i, casters, adjacency.corners[triangle, order[i]], casters.shift[triangle])
-    if _project_face(view, scratch, 3, faces, slot):
+        k = (3 - i) % 3 if casters.facing[triangle] > 0 else i
+        _put_corner(scratch, i, casters, adjacency.corners[triangle, k],
+                    np.inf if dark else casters.shift[triangle])
+    if not _project_face(view, scratch, 3, faces, slot):
+        return slot
+    faces.triangle[slot] = triangle
+    if dark:
+        faces.eye_side[slot], faces.multiplicity[slot] = AT_INFINITY, 1
+    else:
         normal, behind, terms = cap_plane(adjacency, casters, triangle, view.eye)
-        _finish_face(view, scratch, 3, normal, behind - bias, terms, 1, faces, slot)
-        faces.multiplicity[slot], faces.triangle[slot] = -1, triangle
-        slot += 1
-    if kind.dark_caps:
-        for i in range(3):
-            _put_infinity(scratch, i, casters, adjacency.corners[triangle, order[i]])
-        if _project_face(view, scratch, 3, faces, slot):
-            faces.eye_side[slot], faces.multiplicity[slot], faces.triangle[slot] = AT_INFINITY, 1, triangle
-            slot += 1
+        _set_plane(view, scratch, 3, normal, behind - scene.bias, terms, 1.0, faces, slot)
+        faces.multiplicity[slot] = -1
+    return slot + 1
+
+
+@kernel
+def _add_silhouette(worker, view, scratch, scene, faces, slot):
+    """Add the side quads of one worker's share of the edges. Return the next free slot."""
+    first, end = chunk(worker, len(scene.multiplicity))
+    for edge in range(first, end):
+        times = np.int64(scene.multiplicity[edge])
+        if times != 0:
+            triangle = np.int64(scene.adjacency.uses[scene.adjacency.first_use[edge]]) // 3
+            slot = _add_side_quad(view, scratch, scene, edge, 1.0 if times > 0 else -1.0, 0.0, np.inf, abs(times),
+                                  triangle, faces, slot)
     return slot
 
 
 @kernel
-def _faces_chunk(worker, view, scratch, adjacency, light, casters, multiplicity, bias, kind, faces):
-    """Make the faces of one worker's share of the edges and of the triangles."""
-    slot = faces.first[worker]
-    first, end = chunk(worker, len(multiplicity))
-    for edge in range(first, end):
-        if multiplicity[edge] != 0:
-            sign = 1 if multiplicity[edge] > 0 else -1
-            slot = _add_side_quad(view, scratch, adjacency, light, casters, edge, sign, (0.0, np.inf),
-                                  abs(multiplicity[edge]), adjacency.uses[adjacency.first_use[edge]] // 3, faces, slot)
+def _add_triangles(worker, view, scratch, scene, kind, faces, slot):
+    """Add the faces of one worker's share of the triangles. Return the next free slot."""
+    adjacency, casters = scene.adjacency, scene.casters
     first, end = chunk(worker, len(casters.facing))
     for triangle in range(first, end):
+        shift = casters.shift[triangle]
         if casters.facing[triangle] == 0:
             continue
-        shift = casters.shift[triangle]
         for k in range(3):
-            edge = adjacency.triangle_edges[triangle, k]
-            inside = casters.facing[triangle] * adjacency.along[triangle, k]
-            if kind.per_triangle:
-                slot = _add_side_quad(view, scratch, adjacency, light, casters, edge, inside, (shift, np.inf), 1,
+            edge = np.int64(adjacency.triangle_edges[triangle, k])
+            outward = np.int64(casters.facing[triangle] * adjacency.along[triangle, k])
+            sign, near_shift, far_shift, times = outward, shift, np.inf, 1
+            if not kind.per_triangle:
+                sign = -1 if scene.multiplicity[edge] < 0 else 1
+                near_shift, far_shift, times = 0.0, shift, -outward * sign
+            if near_shift < far_shift:
+                slot = _add_side_quad(view, scratch, scene, edge, float(sign), near_shift, far_shift, times,
                                       triangle, faces, slot)
-            elif shift > 0.0:
-                sign = -1 if multiplicity[edge] < 0 else 1
-                slot = _add_side_quad(view, scratch, adjacency, light, casters, edge, sign, (0.0, shift),
-                                      -inside * sign, triangle, faces, slot)
-        slot = _add_caps(view, scratch, adjacency, casters, bias, kind, triangle, faces, slot)
-    faces.end[worker] = slot
+        for dark in range(2 if kind.dark_caps else 1):
+            slot = _add_cap(view, scratch, scene, dark == 1, triangle, faces, slot)
+    return slot
 
 
 @kernel
-def _scratch():
-    """Make room for one face."""
-    return _Scratch(np.empty((4, 4)), np.empty((MAX_CORNERS, 4)), np.empty((MAX_CORNERS, 4)))
-
-
-@kernel
-def _faces_worker(worker, view, adjacency, light, casters, multiplicity, bias, kind, faces):
-    """Do one worker's share, with room of its own."""
-    _faces_chunk(worker, view, _scratch(), adjacency, light, casters, multiplicity, bias, kind, faces)
+def _make_chunk(worker, view, adjacency, light, casters, multiplicity, bias, kind, faces):
+    """Make one worker's share of the faces."""
+    # Parallel loops take no records of records, so the scene is put together here
+    scene = _Scene(adjacency, light, casters, multiplicity, bias)
+    scratch = _Scratch(np.empty((4, 4)), np.empty((2, MAX_CORNERS, 4)))
+    slot = faces.first[worker]
+    if not kind.per_triangle:
+        slot = _add_silhouette(worker, view, scratch, scene, faces, slot)
+    faces.end[worker] = _add_triangles(worker, view, scratch, scene, kind, faces, slot)
 
 
 @parallel_kernel
 def _make_all_faces(view, adjacency, light, casters, multiplicity, bias, kind, faces):
     for worker in prange(N_WORKERS):
-        _faces_worker(worker, view, adjacency, light, casters, multiplicity, bias, kind, faces)
+        _make_chunk(np.int64(worker), view, adjacency, light, casters, multiplicity, bias, kind, faces)
 
 
 def _empty_faces(multiplicity, facing, kind: VolumeKind) -> Faces:
@@ -282,8 +288,9 @@ def _empty_faces(multiplicity, facing, kind: VolumeKind) -> Faces:
     for worker in range(N_WORKERS):
         edges, triangles = (slice(worker * len(a) // N_WORKERS, (worker + 1) * len(a) // N_WORKERS)
                             for a in (multiplicity, facing))
-        shares[worker + 1] = (np.count_nonzero(multiplicity[edges])
-                              + per_triangle * np.count_nonzero(facing[triangles]))
+        shares[worker + 1] = per_triangle * np.count_nonzero(facing[triangles])
+        if not kind.per_triangle:
+            shares[worker + 1] += np.count_nonzero(multiplicity[edges])
     first = np.cumsum(shares)
     n = int(first[-1])
     return Faces(first, first[1:].copy(), np.empty((n, MAX_CORNERS, 2)), np.empty(n, np.int32), np.empty((n, 4)),
@@ -301,7 +308,7 @@ def make_faces(view, adjacency, light: NDArray[np.float64], casters, multiplicit
     adjacency : EdgeAdjacency of the mesh.
     light : float64 (4,), homogeneous, world.
     casters : Casters.
-    multiplicity : int32 (n_edges,), see `edges.edge_multiplicities`; all zero for `per_triangle`.
+    multiplicity : int32 (n_edges,), see `edges.edge_multiplicities`; not used `per_triangle`.
     bias : shadow bias, world units.
     kind : which faces are made.
     """

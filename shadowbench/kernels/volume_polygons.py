@@ -72,77 +72,76 @@ def volume_view(camera, samples, nearest: float) -> VolumeView:
 
 
 @kernel
-def _plane_value(view, plane, v):
-    """Evaluate a clip plane at a vertex; what is kept has values from 0 up."""
+def _plane_value(view, plane, room, side, i):
+    """Evaluate a clip plane at a corner; what is kept has values from 0 up."""
     if plane == 0:
-        return v[2] - view.nearest * v[3]
-    if plane == 1:
-        return v[0] + view.guard_x * v[2]
-    if plane == 2:
-        return view.guard_x * v[2] - v[0]
-    if plane == 3:
-        return v[1] + view.guard_y * v[2]
-    return view.guard_y * v[2] - v[1]
+        return room[side, i, 2] - view.nearest * room[side, i, 3]
+    axis = 0 if plane < 3 else 1
+    guard = view.guard_x if plane < 3 else view.guard_y
+    sign = 1.0 if plane == 1 or plane == 3 else -1.0
+    return guard * room[side, i, 2] + sign * room[side, i, axis]
 
 
 @kernel
-def _precedes(a, b):
-    """True if a comes before b in lexicographic order."""
-    for i in range(4):
-        if a[i] != b[i]:
-            return a[i] < b[i]
+def _precedes(room, side, i, j):
+    """True if corner i comes before corner j in lexicographic order."""
+    for c in range(4):
+        if room[side, i, c] != room[side, j, c]:
+            return room[side, i, c] < room[side, j, c]
     return False
 
 
 @kernel
-def _clip_by_plane(view, plane, source, n_source, target):
-    """Clip a polygon by one plane (Sutherland and Hodgman) and return the number of corners left."""
+def _clip_by_plane(view, plane, room, side, n_corners):
+    """Clip the polygon in one side of `room` by one plane (Sutherland and Hodgman) into the other; count its corners."""
     n = 0
-    for i in range(n_source):
-        a, b = source[i], source[(i + 1) % n_source]
-        value_a, value_b = _plane_value(view, plane, a), _plane_value(view, plane, b)
-        if value_a >= 0.0:
-            target[n] = a
-            n += 1
-        if (value_a >= 0.0) != (value_b >= 0.0):
-            if _precedes(b, a):
-                a, b, value_a, value_b = b, a, value_b, value_a
-            s = value_a / (value_a - value_b)
+    for i in range(n_corners):
+        j = i + 1 if i + 1 < n_corners else 0
+        value_i, value_j = _plane_value(view, plane, room, side, i), _plane_value(view, plane, room, side, j)
+        if value_i >= 0.0:
             for c in range(4):
-                target[n, c] = a[c] + (b[c] - a[c]) * s
+                room[1 - side, n, c] = room[side, i, c]
+            n += 1
+        if (value_i >= 0.0) != (value_j >= 0.0):
+            # Cut from the corner that comes first, whichever way the polygon runs
+            a, b, s = i, j, value_i / (value_i - value_j)
+            if _precedes(room, side, j, i):
+                a, b, s = j, i, value_j / (value_j - value_i)
+            for c in range(4):
+                room[1 - side, n, c] = room[side, a, c] + (room[side, b, c] - room[side, a, c]) * s
             n += 1
     return n
 
 
 @kernel
-def clip_and_project(view, polygon, n_corners, spare, out):
+def clip_and_project(view, room, n_corners, out, slot):
     """Clip a homogeneous polygon and project what is left.
 
     Parameters
     ----------
     view : VolumeView.
-    polygon : float64 (9, 4), its corners; overwritten.
+    room : float64 (2, 9, 4), the polygon's corners in room[0]; overwritten.
     n_corners : 3 or 4.
-    spare : float64 (9, 4), overwritten.
-    out : float64 (9, 2), receives the image-plane positions: to the right, and down.
+    out : float64 (n, 9, 2), receives in out[slot] the image-plane positions: to the right, and down.
 
     Returns
     -------
     Number of corners: 0 if nothing is left.
     """
+    side = 0
     for plane in range(_N_PLANES):
         n_outside = 0
         for i in range(n_corners):
-            if not _plane_value(view, plane, polygon[i]) >= 0.0:
+            if not _plane_value(view, plane, room, side, i) >= 0.0:
                 n_outside += 1
         if n_outside == n_corners:
             return 0
         if n_outside > 0:
-            n_corners = _clip_by_plane(view, plane, polygon, n_corners, spare)
-            polygon, spare = spare, polygon
+            n_corners = _clip_by_plane(view, plane, room, side, n_corners)
+            side = 1 - side
     for i in range(n_corners):
         # Clamping keeps a corner cut at the eye itself, of depth 0 but for rounding, on its side of the image
-        depth = polygon[i, 2]
-        out[i, 0] = min(max(polygon[i, 0] / depth, -2.0 * view.guard_x), 2.0 * view.guard_x)
-        out[i, 1] = min(max(-(polygon[i, 1] / depth), -2.0 * view.guard_y), 2.0 * view.guard_y)
+        x, down = room[side, i, 0] / room[side, i, 2], -(room[side, i, 1] / room[side, i, 2])
+        out[slot, i, 0] = min(max(x, -2.0 * view.guard_x), 2.0 * view.guard_x)
+        out[slot, i, 1] = min(max(down, -2.0 * view.guard_y), 2.0 * view.guard_y)
     return n_corners
