@@ -33,6 +33,9 @@ from shadowbench.kernels.volume_polygons import MAX_CORNERS, clip_and_project
 BEHIND_PLANE, BEFORE_PLANE, EDGE_ON_PLANE, AT_INFINITY = 0, 1, 2, 3
 """Where the eye is: on the side f <= 0 of a face, on the other, in its plane; and the mark of dark caps."""
 
+_NO_EDGE = -1
+_BIASED_CAP, _DARK_CAP, _FACES_PER_TRIANGLE = 3, 4, 5
+
 
 class Faces(NamedTuple):
     """Faces that cover at least one sample's row and column.
@@ -85,6 +88,26 @@ class _Scene(NamedTuple):
     casters: Casters
     multiplicity: NDArray[np.int32]
     bias: float
+
+
+class _Face(NamedTuple):
+    """A face to be made.
+
+    Attributes
+    ----------
+    edge : the edge of a side quad, or _NO_EDGE for a cap.
+    triangle : the triangle it belongs to.
+    sign : -1 where f decreases along the edge's plane normal, else 1.
+    near_shift, far_shift : how far its borders are moved away from the light; may be infinite; equal for a cap.
+    times : its multiplicity.
+    """
+
+    edge: int
+    triangle: int
+    sign: int
+    near_shift: float
+    far_shift: float
+    times: int
 
 
 class _Scratch(NamedTuple):
@@ -188,79 +211,63 @@ def _set_plane(view, scratch, n_corners, normal, value, terms, sign, faces, slot
 
 
 @kernel
-def _add_side_quad(view, scratch, scene, edge, sign, near_shift, far_shift, multiplicity, triangle, faces, slot):
-    """Add the side quad of an edge between two shifts; the far one may be infinite. Return the next free slot.
+def _silhouette_face(scene, edge):
+    """Describe the side quad of an edge, from the edge itself to infinity."""
+    times = np.int64(scene.multiplicity[edge])
+    triangle = np.int64(scene.adjacency.uses[scene.adjacency.first_use[edge]]) // 3
+    return _Face(edge, triangle, -1 if times < 0 else 1, 0.0, np.inf, abs(times))
 
-    `sign` is -1 where f decreases along the plane's normal: corners then run the other way.
-    """
-    first = 0 if sign > 0 else 1
+
+@kernel
+def _triangle_face(scene, kind, triangle, k):
+    """Describe a face of a triangle: the side of edge k = 0, 1, 2, its biased cap (3) or its dark cap (4)."""
+    facing, shift = np.int64(scene.casters.facing[triangle]), scene.casters.shift[triangle]
+    if k == _BIASED_CAP:
+        return _Face(_NO_EDGE, triangle, 1, shift, shift, -abs(facing))
+    if k == _DARK_CAP:
+        return _Face(_NO_EDGE, triangle, 1, np.inf, np.inf, abs(facing) if kind.dark_caps else 0)
+    edge = np.int64(scene.adjacency.triangle_edges[triangle, k])
+    outward = facing * np.int64(scene.adjacency.along[triangle, k])
+    if kind.per_triangle:
+        return _Face(edge, triangle, outward, shift, np.inf, abs(facing))
+    # What the silhouette's volume holds in front of the biased cap is taken away
+    sign = -1 if scene.multiplicity[edge] < 0 else 1
+    return _Face(edge, triangle, sign, 0.0, shift, -outward * sign if shift > 0.0 else 0)
+
+
+@kernel
+def _put_corners(scene, scratch, face):
+    """Set the corners of a face, counter-clockwise seen from the side f > 0. Return their number."""
+    if face.edge == _NO_EDGE:
+        # Seen from behind the triangle: against the winding that faces the light
+        for i in range(3):
+            k = (3 - i) % 3 if scene.casters.facing[face.triangle] > 0 else i
+            _put_corner(scratch, i, scene.casters, scene.adjacency.corners[face.triangle, k], face.near_shift)
+        return 3
     for i in range(4):
-        position = scene.adjacency.ends[edge, first if i < 2 else 1 - first]
-        _put_corner(scratch, i, scene.casters, position, near_shift if i == 0 or i == 3 else far_shift)
-    if not _project_face(view, scratch, 4, faces, slot):
-        return slot
-    normal, value, terms = side_plane(scene.adjacency, scene.light, edge, view.eye)
-    _set_plane(view, scratch, 4, normal, value, terms, sign, faces, slot)
-    faces.multiplicity[slot], faces.triangle[slot] = multiplicity, triangle
-    return slot + 1
+        end = 0 if (i < 2) == (face.sign > 0) else 1
+        shift = face.near_shift if i == 0 or i == 3 else face.far_shift
+        _put_corner(scratch, i, scene.casters, scene.adjacency.ends[face.edge, end], shift)
+    return 4
 
 
 @kernel
-def _add_cap(view, scratch, scene, dark, triangle, faces, slot):
-    """Add the biased cap or the dark cap of a triangle. Return the next free slot."""
-    casters, adjacency = scene.casters, scene.adjacency
-    # Counter-clockwise seen from behind: against the winding that faces the light
-    for i in range(3):
-        k = (3 - i) % 3 if casters.facing[triangle] > 0 else i
-        _put_corner(scratch, i, casters, adjacency.corners[triangle, k],
-                    np.inf if dark else casters.shift[triangle])
-    if not _project_face(view, scratch, 3, faces, slot):
+def _add_face(view, scratch, scene, face, faces, slot):
+    """Add a face if it may cover a sample. Return the next free slot."""
+    n_corners = _put_corners(scene, scratch, face)
+    if not _project_face(view, scratch, n_corners, faces, slot):
         return slot
-    faces.triangle[slot] = triangle
-    if dark:
-        faces.eye_side[slot], faces.multiplicity[slot] = AT_INFINITY, 1
+    faces.multiplicity[slot], faces.triangle[slot] = face.times, face.triangle
+    if face.near_shift == np.inf:
+        faces.eye_side[slot] = AT_INFINITY
+        return slot + 1
+    if face.edge == _NO_EDGE:
+        normal, behind, terms = cap_plane(scene.adjacency, scene.casters, face.triangle, view.eye)
+        value = behind - scene.bias
     else:
-        normal, behind, terms = cap_plane(adjacency, casters, triangle, view.eye)
-        _set_plane(view, scratch, 3, normal, behind - scene.bias, terms, 1.0, faces, slot)
-        faces.multiplicity[slot] = -1
+        normal, value, terms = side_plane(scene.adjacency, scene.light, face.edge, view.eye)
+    _set_plane(view, scratch, n_corners, normal, value, terms, face.sign, faces, slot)
     return slot + 1
-
-
-@kernel
-def _add_silhouette(worker, view, scratch, scene, faces, slot):
-    """Add the side quads of one worker's share of the edges. Return the next free slot."""
-    first, end = chunk(worker, len(scene.multiplicity))
-    for edge in range(first, end):
-        times = np.int64(scene.multiplicity[edge])
-        if times != 0:
-            triangle = np.int64(scene.adjacency.uses[scene.adjacency.first_use[edge]]) // 3
-            slot = _add_side_quad(view, scratch, scene, edge, 1.0 if times > 0 else -1.0, 0.0, np.inf, abs(times),
-                                  triangle, faces, slot)
-    return slot
-
-
-@kernel
-def _add_triangles(worker, view, scratch, scene, kind, faces, slot):
-    """Add the faces of one worker's share of the triangles. Return the next free slot."""
-    adjacency, casters = scene.adjacency, scene.casters
-    first, end = chunk(worker, len(casters.facing))
-    for triangle in range(first, end):
-        shift = casters.shift[triangle]
-        if casters.facing[triangle] == 0:
-            continue
-        for k in range(3):
-            edge = np.int64(adjacency.triangle_edges[triangle, k])
-            outward = np.int64(casters.facing[triangle] * adjacency.along[triangle, k])
-            sign, near_shift, far_shift, times = outward, shift, np.inf, 1
-            if not kind.per_triangle:
-                sign = -1 if scene.multiplicity[edge] < 0 else 1
-                near_shift, far_shift, times = 0.0, shift, -outward * sign
-            if near_shift < far_shift:
-                slot = _add_side_quad(view, scratch, scene, edge, float(sign), near_shift, far_shift, times,
-                                      triangle, faces, slot)
-        for dark in range(2 if kind.dark_caps else 1):
-            slot = _add_cap(view, scratch, scene, dark == 1, triangle, faces, slot)
-    return slot
 
 
 @kernel
@@ -269,10 +276,19 @@ def _make_chunk(worker, view, adjacency, light, casters, multiplicity, bias, kin
     # Parallel loops take no records of records, so the scene is put together here
     scene = _Scene(adjacency, light, casters, multiplicity, bias)
     scratch = _Scratch(np.empty((4, 4)), np.empty((2, MAX_CORNERS, 4)))
+    first_edge, end_edge = chunk(worker, 0 if kind.per_triangle else len(multiplicity))
+    first_triangle, end_triangle = chunk(worker, len(casters.facing))
+    n_edges, n_triangles = end_edge - first_edge, end_triangle - first_triangle
     slot = faces.first[worker]
-    if not kind.per_triangle:
-        slot = _add_silhouette(worker, view, scratch, scene, faces, slot)
-    faces.end[worker] = _add_triangles(worker, view, scratch, scene, kind, faces, slot)
+    for item in range(n_edges + n_triangles):
+        for k in range(1 if item < n_edges else _FACES_PER_TRIANGLE):
+            if item < n_edges:
+                face = _silhouette_face(scene, first_edge + item)
+            else:
+                face = _triangle_face(scene, kind, first_triangle + item - n_edges, k)
+            if face.times != 0:
+                slot = _add_face(view, scratch, scene, face, faces, slot)
+    faces.end[worker] = slot
 
 
 @parallel_kernel
