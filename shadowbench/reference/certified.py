@@ -208,7 +208,7 @@ class _Search:
             self.exact_facings += len(undecided)
             make_frusta(frusta, corners, self.space.light, self.space.origin, self.space.extent, self.biases[2])
         with self.stage("traversal"):
-            lists, ends = self._deal(frusta)
+            lists, ends = self._deal(frusta, corners)
         while True:
             with self.stage("traversal"):
                 walk(self.tree, frusta, corners, self.space, self.biases, lists, ends, self.work, self.counts)
@@ -217,9 +217,9 @@ class _Search:
             if np.all(self.work.next_item == ends):
                 return
 
-    def _deal(self, frusta: Any) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    def _deal(self, frusta: Any, corners: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
         """List the triangles that may reach each work node; return the lists and where each ends."""
-        arguments = (self.tree, frusta, self.space, self.biases, self.work.finished)
+        arguments = (self.tree, frusta, corners, self.space, self.biases, self.work.finished)
         reached = np.zeros((N_BLOCKS, self.n_work), np.int64)
         count_reached(*arguments, reached)
         # Lists by work node, and in each by block: the exclusive prefix sum in that order.
