@@ -6,16 +6,35 @@ faces are drawn. A frustum is then *around* the pyramid as a whole, or *apart* f
 The few that touch are left out of the volumes, and every sample is tested against them by definition.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.jit import kernel, parallel_kernel, prange
-from shadowbench.kernels.shadow_volumes import EDGE_ON, N_WORKERS, cap_plane, chunk, dot, side_plane
+from shadowbench.kernels.shadow_volumes import EDGE_ON, N_WORKERS, Casters, cap_plane, chunk, dot, side_plane
 
 APART, AROUND, TOUCHING = 0, 1, 2
 """How a triangle's frustum lies to the eye."""
 
 _N_PLANES = 4
+
+
+class EyeVolumes(NamedTuple):
+    """What z-pass starts from.
+
+    Attributes
+    ----------
+    around : int64 (n,), triangles whose frusta contain the eye.
+    touching : int64 (n,), triangles whose frusta touch the eye: their volumes are not drawn.
+    casters : Casters without those that touch.
+    n_tests : frusta that were tested.
+    """
+
+    around: NDArray[np.int64]
+    touching: NDArray[np.int64]
+    casters: Casters
+    n_tests: int
 
 
 @kernel
@@ -55,8 +74,18 @@ def _all_eye_states(adjacency, light, casters, bias, view, reach, state):
         _eye_chunk(np.int64(worker), adjacency, light, casters, bias, view, reach, state)
 
 
-def eye_states(adjacency, light: NDArray[np.float64], casters, bias: float, view) -> NDArray[np.int8]:
-    """Tell how every triangle's frustum lies to the eye.
+def _eye_states(adjacency, light, casters, bias, view):
+    """Tell how every triangle's frustum lies to the eye, int8 (n_triangles,); APART for one that casts nothing."""
+    state = np.empty(len(casters.facing), np.int8)
+    # The farthest corner of the pyramid between the eye and the nearest faces, out to the guard planes
+    reach = view.nearest * float(np.sqrt(1.0 + view.guard_x * view.guard_x + view.guard_y * view.guard_y))
+    _all_eye_states(adjacency, light, casters, float(bias), view, reach, state)
+    return state
+
+
+def find_eye_volumes(adjacency, light: NDArray[np.float64], casters: Casters, bias: float, view,
+                     robust: bool) -> EyeVolumes:
+    """Test the eye against every shadow frustum.
 
     Parameters
     ----------
@@ -65,16 +94,23 @@ def eye_states(adjacency, light: NDArray[np.float64], casters, bias: float, view
     casters : Casters.
     bias : shadow bias, world units.
     view : VolumeView; faces are drawn from its `nearest` depth on.
-
-    Returns
-    -------
-    int8 (n_triangles,) : APART, AROUND or TOUCHING; APART for triangles that cast nothing.
+    robust : False to test nothing, and start from zero.
     """
-    state = np.empty(len(casters.facing), np.int8)
-    # The farthest corner of the pyramid between the eye and the nearest faces, out to the guard planes
-    reach = view.nearest * float(np.sqrt(1.0 + view.guard_x * view.guard_x + view.guard_y * view.guard_y))
-    _all_eye_states(adjacency, light, casters, float(bias), view, reach, state)
-    return state
+    if not robust:
+        return EyeVolumes(np.empty(0, np.int64), np.empty(0, np.int64), casters, 0)
+    state = _eye_states(adjacency, light, casters, bias, view)
+    touching = np.flatnonzero(state == TOUCHING)
+    facing = casters.facing.copy()
+    facing[touching] = 0
+    return EyeVolumes(np.flatnonzero(state == AROUND), touching, casters._replace(facing=facing),
+                      int(np.count_nonzero(casters.facing)))
+
+
+def eye_totals(eye: EyeVolumes, adjacency, light: NDArray[np.float64], casters: Casters, bias: float,
+               view) -> dict[str, int]:
+    """Counts of the eye's tests by name; parameters as in `find_eye_volumes`."""
+    n_around = int(np.count_nonzero(_eye_states(adjacency, light, casters, bias, view) == AROUND))
+    return {"eye_tests": eye.n_tests, "eye_volumes": n_around, "eye_volumes_ignored": n_around - len(eye.around)}
 
 
 @kernel
@@ -123,7 +159,7 @@ def add_touching(touching, adjacency, light, casters, bias, view, target):
     Parameters
     ----------
     touching : int64 (n,), triangles.
-    adjacency, light, casters, bias, view : as in `eye_states`.
+    adjacency, light, casters, bias, view : as in `find_eye_volumes`.
     target : StencilTarget, updated in place.
     """
     for worker in prange(N_WORKERS):

@@ -166,19 +166,22 @@ def _find_all_casters(adjacency, light, casting, bias, view, casters):
         _view_chunk(np.int64(worker), adjacency, light, view, casters)
 
 
-def find_casters(adjacency, light: NDArray[np.float64], casting: NDArray[np.bool_], bias: float, view) -> Casters:
+def find_casters(adjacency, light: NDArray[np.float64], casting: NDArray[np.bool_] | None, bias: float,
+                 view) -> Casters:
     """Decide which triangles cast and how they face the light.
 
     Parameters
     ----------
     adjacency : EdgeAdjacency of the mesh.
     light : float64 (4,), homogeneous, world.
-    casting : bool (n_triangles,), False for triangles that are left out.
+    casting : bool (n_triangles,), False for triangles that are left out; None if all may cast.
     bias : shadow bias, world units.
     view : VolumeView.
     """
     n_triangles, n_positions = len(adjacency.corners), len(adjacency.positions)
     casters = Casters(np.empty(n_triangles, np.int8), np.empty(n_triangles), np.empty((n_positions, 3)),
                       np.empty((n_positions, 3)))
-    _find_all_casters(adjacency, light, casting, bias, view, casters)
+    if casting is None:
+        casting = np.ones(n_triangles, np.bool_)
+    _find_all_casters(adjacency, light, casting, float(bias), view, casters)
     return casters

@@ -75,14 +75,12 @@ class StencilCounts(NamedTuple):
     fragments : int64 (rows, columns), faces that cover the sample, each as often as it is drawn.
     depth_tests : int64 (rows, columns), fragments that the mask and the depth bounds let through.
     updates : int64 (rows, columns), depth tests that changed the stencil value.
-    volumes : int64 (rows, columns), the stencil value as if it had no limit.
     per_entry : int64 (n_entries,), stencil updates of each entry of the bands' lists.
     """
 
     fragments: Grid
     depth_tests: Grid
     updates: Grid
-    volumes: Grid
     per_entry: NDArray[np.int64]
 
 
@@ -288,7 +286,6 @@ def _draw_checked(face, row, first, end, amount, view, faces, z_fail, target, ma
             target.stencil[row, column] += step
             if counts is not None:
                 counts.updates[row, column] += abs(amount)
-                counts.volumes[row, column] += amount
                 counts.per_entry[entry] += abs(amount)
 
 
