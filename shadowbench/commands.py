@@ -23,7 +23,7 @@ from shadowbench.scenes import ALL_SCENES, SCENES
 from shadowbench.templates import template
 
 if TYPE_CHECKING:
-    from shadowbench.runner import Cell, RunOptions
+    from shadowbench.plan import Cell, RunOptions
     from shadowbench.scenes.loader import Scene
 
 QUICK_HEIGHT = 256
@@ -34,7 +34,7 @@ def run(argv: list[str], *, scenes: tuple[str, ...], specs: tuple[str, ...], ove
         frames: slice | None, size: tuple[int, int] | None, repeats: int | None, threads: int | None,
         out: Path | None, only: frozenset[str] | None, quick: bool, dry_run: bool, keep_going: bool) -> int:
     """Run every scene, each into its own folder; return the worst exit code."""
-    from shadowbench import runner
+    from shadowbench import plan
     from shadowbench.scenes.loader import load_scene
 
     changes = list(overrides)
@@ -48,11 +48,11 @@ def run(argv: list[str], *, scenes: tuple[str, ...], specs: tuple[str, ...], ove
     codes = []
     for scene, folder in zip(loaded, folders, strict=True):
         numbers = range(scene.n_frames)[frames or slice(None)]
-        options = runner.RunOptions(tuple(numbers[:1] if quick else numbers), repeats or (1 if quick else 3),
-                                    threads or len(os.sched_getaffinity(0)), only or runner.EVERYTHING, keep_going)
+        options = plan.RunOptions(tuple(numbers[:1] if quick else numbers), repeats or (1 if quick else 3),
+                                    threads or len(os.sched_getaffinity(0)), only or plan.EVERYTHING, keep_going)
         if not options.frames:
             raise InputError(f"{scene.name} has {scene.n_frames} frame(s): --frames selects none of them")
-        cells = runner.plan(scene, _selections(scene, chosen), options.frames)
+        cells = plan.plan_cells(scene, _selections(scene, chosen), options.frames)
         if dry_run:
             click.echo(_list_cells(scene, cells))
             codes.append(0)
@@ -78,7 +78,7 @@ def _folders(out: Path | None, names: list[str]) -> list[Path]:
 
 def _selections(scene: Scene, chosen: list[tuple[str, dict[str, Any]]]) -> list[tuple[str, AlgorithmParams]]:
     """Decide which algorithms run: those asked for, or all, each swept over its axes of the scene's matrix."""
-    from shadowbench.runner import sweep
+    from shadowbench.plan import sweep
 
     wanted = chosen or scene.config.selections() or [(entry.name, {}) for entry in ALL_ALGORITHMS]
     return [(name, validate_params(name, params)) for name, params in sweep(wanted, scene.config.matrix)]
@@ -92,15 +92,16 @@ def _list_cells(scene: Scene, cells: list[Cell]) -> str:
 
 def _run_scene(scene: Scene, cells: list[Cell], options: RunOptions, path: Path, argv: list[str]) -> int:
     """Run one scene and print its table and where everything is."""
-    from shadowbench import runner
+    from shadowbench.plan import describe
+    from shadowbench.runner import Runner
 
-    folder = RunFolder(path, runner.describe(scene, options, ["shadowbench", *argv]), len(cells))
+    folder = RunFolder(path, describe(scene, options, ["shadowbench", *argv]), len(cells))
     try:
         folder.write_text("config.input.yaml", scene.text)
         folder.write_text("config.resolved.yaml", resolved_yaml(scene.config))
         with Progress(len(cells)) as progress:
             progress.note(f"{scene.name}: {len(cells)} cells, {options.threads} thread(s)")
-            result = runner.Runner(scene, cells, options, folder, progress).run()
+            result = Runner(scene, cells, options, folder, progress).run()
     except RunFolderError as error:
         click.echo(f"error: {error}", err=True)
         return EXIT_SOME_FAILED
