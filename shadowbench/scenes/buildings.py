@@ -112,9 +112,9 @@ def window(site: Site, width: float, height: float) -> None:
 
 
 def arched_window(site: Site, width: float, height: float, detail: float) -> None:
-    """Round-headed stone window on the plane z = 0, its sill at the origin."""
+    """Round-headed stone window on the plane z = 0, its sill at the origin; the pane lies in front of stones."""
     spring, border = height - 0.5 * width, 0.22
-    site.add(box((-0.5 * width, 0.0, 0.0), (0.5 * width, height - 0.1, 0.02), _ALL_BUT_FRONT), "dark")
+    site.add(box((-0.5 * width, 0.0, 0.0), (0.5 * width, height - 0.1, 0.13), _ALL_BUT_FRONT), "dark")
     if detail < ORNAMENT_DETAIL:
         return
     site.add(arch(width, spring, width + 2 * border, height + border, 0.36, rounds(detail, 8, 4)), "stone_light")
