@@ -105,7 +105,7 @@ class Runner:
         if status == "done" and any(cell.status == "failed" for cell in self.folder.cells):
             status = "partial"
         self.folder.write_tables()
-        self.folder.write_status(status, warnings=self.summary.warnings, threading_layer=jit.threading_layer(),
+        self.folder.write_status(status, warnings=self.summary.warnings,
                                  seconds={name: round(value, 6) for name, value in self.seconds.items()})
         write_report(self.folder)
         return self.summary
