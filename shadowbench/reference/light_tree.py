@@ -1,9 +1,9 @@
 """The tree of boxes over the samples in light space.
 
 A node's box holds the computed coordinates of its samples. Rounding is monotone: evaluated with the same
-operations in the same order, a plane's computed value at the box's extreme corner bounds the computed values at
-all samples inside. So whatever the planes decide for a node, they would have decided for each of its samples:
-boxes need no margin, and correctness does not depend on how samples are sorted.
+operations in the same order, a plane's computed value at the box's extreme corner bounds the computed values
+at all samples inside. So whatever the planes decide for a node, they would have decided for each of its
+samples: boxes need no margin, and correctness does not depend on how samples are sorted.
 """
 
 from typing import NamedTuple
