@@ -175,10 +175,10 @@ def exact_side(corners, light):
     """Sign of (b - a) x (c - a) . (L - w a), in rational arithmetic."""
     a, b, c = ([Fraction(float(v)) for v in p] for p in corners)
     xyz, w = [Fraction(v) for v in light.position[:3]], Fraction(light.position[3])
-    u, v, l = ([q - p for p, q in zip(a, b, strict=True)], [q - p for p, q in zip(a, c, strict=True)],
+    u, v, ray = ([q - p for p, q in zip(a, b, strict=True)], [q - p for p, q in zip(a, c, strict=True)],
                [q - w * p for p, q in zip(a, xyz, strict=True)])
     n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
-    value = sum(p * q for p, q in zip(n, l, strict=True))
+    value = sum(p * q for p, q in zip(n, ray, strict=True))
     return (value > 0) - (value < 0)
 
 

@@ -187,10 +187,10 @@ def facing(a, b, c, light):
     1 for the side from which the vertices run counter-clockwise, -1 for the other, 0 if the triangle has no area or
     the light lies in its plane, as far as float64 can tell (what it shadows is then thinner than rounding).
     """
-    u, v, l = _minus(b, a), _minus(c, a), _from_light(a, light)
-    value = -_dot(_cross(u, v), l)
-    bound = ((abs(u[1] * v[2]) + abs(u[2] * v[1])) * abs(l[0]) + (abs(u[2] * v[0]) + abs(u[0] * v[2])) * abs(l[1])
-             + (abs(u[0] * v[1]) + abs(u[1] * v[0])) * abs(l[2])) * FACING_ERROR
+    u, v, ray = _minus(b, a), _minus(c, a), _from_light(a, light)
+    value = -_dot(_cross(u, v), ray)
+    bound = ((abs(u[1] * v[2]) + abs(u[2] * v[1])) * abs(ray[0]) + (abs(u[2] * v[0]) + abs(u[0] * v[2])) * abs(ray[1])
+             + (abs(u[0] * v[1]) + abs(u[1] * v[0])) * abs(ray[2])) * FACING_ERROR
     return 1 if value > bound else (-1 if value < -bound else 0)
 
 
