@@ -200,7 +200,7 @@ def test_camera_inside_the_geometry_sees_its_inside():
 
 def test_four_threads_give_the_bits_of_one():
     """In processes of their own, because the number of threads that Numba may use is fixed at its start."""
-    program = ("import hashlib, numba; from tests.test_view_samples import *\n"
+    program = ("import hashlib, numba; from test_view_samples import *\n"
                "s = render_view_samples(soup(5000), CAMERA, LIGHT, ImageSize(200, 150, 2))\n"
                "assert (s.triangle >= 0).any()\n"
                "print(numba.get_num_threads(), hashlib.sha256(b''.join(v.tobytes() for v in s[2:])).hexdigest())")
@@ -208,5 +208,5 @@ def test_four_threads_give_the_bits_of_one():
     for n_threads in (1, 2, 4):
         environment = {**os.environ, "NUMBA_NUM_THREADS": str(n_threads), "PYTHONPATH": os.pathsep.join(sys.path)}
         answers.append(subprocess.run([sys.executable, "-c", program], env=environment, check=True, text=True,
-                                      capture_output=True, cwd=os.getcwd()).stdout.split())
+                                      capture_output=True).stdout.split())
     assert [int(n) for n, _ in answers] == [1, 2, 4] and len({digest for _, digest in answers}) == 1
