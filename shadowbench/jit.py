@@ -19,15 +19,20 @@ import hashlib
 import os
 import shutil
 import tempfile
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, Self
 
 import llvmlite
 import numba
 import numpy
 from numba import prange
+from numba.core.event import Event, Listener, register, unregister
 from platformdirs import user_cache_path
 
-__all__ = ["cache_folder", "kernel", "parallel_kernel", "prange", "set_threads", "sources_digest"]
+__all__ = ["CompileWatch", "cache_folder", "kernel", "parallel_kernel", "prange", "set_threads", "sources_digest",
+           "threading_layer"]
 
 
 def sources_digest() -> str:
@@ -69,12 +74,57 @@ def set_threads(n_threads: int) -> None:
     numba.set_parallel_chunksize(1)
 
 
-numba.config.CACHE_DIR = str(cache_folder())
+def threading_layer() -> str | None:
+    """Name of the threading layer that Numba chose, or None before the first parallel kernel ran."""
+    try:
+        return str(numba.threading_layer())
+    except ValueError:
+        return None
 
-_OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": False}
 
-kernel = numba.njit(**_OPTIONS)
+setattr(numba.config, "CACHE_DIR", str(cache_folder()))    # noqa: B010  numba.config has no type stubs
+
+_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": False}
+
+kernel: Any = numba.njit(**_OPTIONS)
 """Decorator of a serial kernel."""
 
-parallel_kernel = numba.njit(parallel=True, **_OPTIONS)
+parallel_kernel: Any = numba.njit(parallel=True, **_OPTIONS)
 """Decorator of a parallel kernel: one ``prange`` whose body calls one serial kernel."""
+
+
+class CompileWatch(Listener):
+    """Tells when Numba compiles (rather than loads from the cache), and how long that takes.
+
+    Use as a context: ``with CompileWatch(lambda: print("compiling")) as watch``, then read ``watch.seconds``.
+
+    Parameters
+    ----------
+    announce : called once, when the first compilation starts.
+    """
+
+    def __init__(self, announce: Callable[[], None]) -> None:
+        self.seconds = 0.0
+        self._announce = announce
+        self._depth = 0
+
+    def on_start(self, event: Event) -> None:
+        """Note the start of a compilation; those nested in another are part of it."""
+        if self._depth == 0:
+            if self.seconds == 0.0:
+                self._announce()
+            self._start = time.perf_counter()
+        self._depth += 1
+
+    def on_end(self, event: Event) -> None:
+        """Add up the time of an outermost compilation."""
+        self._depth -= 1
+        if self._depth == 0:
+            self.seconds += time.perf_counter() - self._start
+
+    def __enter__(self) -> Self:
+        register("numba:compile", self)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        unregister("numba:compile", self)

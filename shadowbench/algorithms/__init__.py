@@ -44,9 +44,15 @@ ALL_ALGORITHMS: tuple[Entry, ...] = (
     Entry("shadow_map", "Shadow map", "Williams 1978", False,
           "Nearest depth from the light, spot, cube or directional, with percentage-closer filtering",
           "shadowbench.algorithms.shadow_map:ShadowMap"),
+    Entry("ptsv", "Per-triangle shadow volumes", "Sintorn et al. 2011", True,
+          "Every triangle's shadow frustum rasterised into a tree of screen tiles with depth bounds",
+          "shadowbench.algorithms.ptsv:Ptsv"),
     Entry("embree", "Embree", "Wald et al. 2014", False,
           "Occlusion rays by a float32 ray tracer: a peer, not the truth",
           "shadowbench.algorithms.embree:Embree", "peers"),
 )
 
 ALGORITHMS: dict[str, Entry] = {entry.name: entry for entry in ALL_ALGORITHMS}
+
+PEERS: frozenset[str] = frozenset(entry.name for entry in ALL_ALGORITHMS if entry.extra == "peers")
+"""Other people's ray tracers: measured beside the methods, but their answers may depend on the machine."""

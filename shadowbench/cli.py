@@ -1,0 +1,235 @@
+"""The command line: parse, call one function, print. Commands import what they need when they run, so that
+``--help``, ``list`` and shell completion stay fast."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from shadowbench import __version__
+from shadowbench.algorithms import ALGORITHMS, ALL_ALGORITHMS
+from shadowbench.errors import InputError
+from shadowbench.scenes import ALL_SCENES, SCENES
+
+EXIT_INTERNAL, EXIT_USAGE, EXIT_SOME_FAILED, EXIT_INTERRUPTED = 1, 2, 4, 130
+
+
+class SceneArgument(click.ParamType):
+    """A scene file, or the name of a built-in scene; completes both."""
+
+    name = "scene"
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Offer built-in names, then files."""
+        names = [CompletionItem(s.name, help=s.summary) for s in ALL_SCENES if s.name.startswith(incomplete)]
+        return names or [CompletionItem(incomplete, type="file")]
+
+
+class AlgorithmArgument(click.ParamType):
+    """``NAME`` or ``NAME[key=value,...]``; completes names."""
+
+    name = "algorithm"
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Offer the names of all algorithms."""
+        return [CompletionItem(a.name, help=a.summary) for a in ALL_ALGORITHMS if a.name.startswith(incomplete)]
+
+
+class FrameRange(click.ParamType):
+    """``A:B[:STEP]`` as in Python (B is left out), or one number."""
+
+    name = "A:B[:STEP]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> slice:
+        """Turn text into a slice."""
+        if isinstance(value, slice):
+            return value
+        try:
+            parts = [int(part) if part else None for part in value.split(":")]
+            if len(parts) == 1 and parts[0] is not None:
+                return slice(parts[0], parts[0] + 1)
+            if not 2 <= len(parts) <= 3 or (len(parts) == 3 and parts[2] == 0):
+                raise ValueError
+        except ValueError:
+            self.fail(f"{value!r} is no frame range: write A:B, A:B:STEP or one number", param, ctx)
+        if any(part is not None and part < 0 for part in parts):
+            self.fail(f"{value!r}: frames and steps count from 0 up", param, ctx)
+        return slice(*parts)
+
+
+class ImageSizeArgument(click.ParamType):
+    """``WIDTHxHEIGHT``."""
+
+    name = "WxH"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        """Turn ``640x480`` into two numbers."""
+        if isinstance(value, tuple):
+            return value
+        width, cross, height = value.lower().partition("x")
+        if not (cross and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+            self.fail(f"{value!r} is no image size: write WIDTHxHEIGHT, such as 1024x1024", param, ctx)
+        return int(width), int(height)
+
+
+class OutputSet(click.ParamType):
+    """A comma-separated subset of counts, timings and images."""
+
+    name = "counts,timings,images"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> frozenset[str]:
+        """Turn the text into a set."""
+        if isinstance(value, frozenset):
+            return value
+        chosen = frozenset(value.split(","))
+        unknown = chosen - {"counts", "timings", "images"}
+        if unknown:
+            self.fail(f"unknown output {sorted(unknown)[0]!r}: choose from counts, timings, images", param, ctx)
+        return chosen
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="shadowbench")
+def cli() -> None:
+    """Run hard-shadow algorithms on a scene: certified correctness, exact operation counts, timings, pictures."""
+
+
+@cli.command()
+@click.argument("scenes", metavar="SCENE...", nargs=-1, required=True, type=SceneArgument())
+@click.option("-a", "--algorithm", "specs", multiple=True, type=AlgorithmArgument(),
+              help="Algorithm to run, such as 'shadow_map[resolution=512]'; repeat for several. Default: the scene "
+                   "file's list, or all that support the scene.")
+@click.option("-D", "--define", "overrides", multiple=True, metavar="KEY=VALUE",
+              help="Override a value of the scene file, such as image.width=512.")
+@click.option("--frames", type=FrameRange(), help="Frames to run. Default: all of the scene's.")
+@click.option("--size", type=ImageSizeArgument(), help="Image size, overriding the scene file's.")
+@click.option("--repeats", type=click.IntRange(1), help="Timed executions per cell. Default: 3.")
+@click.option("--threads", type=click.IntRange(1), help="Threads. Default: all processors.")
+@click.option("--out", type=click.Path(path_type=Path), help="Run folder. Default: results/runs/<time>-<scene>.")
+@click.option("--only", type=OutputSet(), help="Produce only some of: counts,timings,images.")
+@click.option("--quick", is_flag=True, help="First frame, at most 256 pixels high, one repeat.")
+@click.option("--dry-run", is_flag=True, help="List the cells and stop.")
+@click.option("--keep-going/--fail-fast", default=True, help="After a failed cell, go on or stop. Default: go on.")
+def run(**options: Any) -> None:
+    """Measure algorithms on scenes.
+
+    SCENE is a scene file, or the name of a built-in scene (see `shadowbench list scenes`).
+    """
+    _start_threads(options["threads"])
+    from shadowbench import commands
+
+    sys.exit(commands.run(sys.argv[1:], **options))
+
+
+def _start_threads(threads: int | None) -> None:
+    """Let Numba start as many threads as are asked for; it reads this once, when it is first imported."""
+    if threads is not None:
+        os.environ["NUMBA_NUM_THREADS"] = str(max(threads, os.cpu_count() or 1))
+
+
+@cli.command("list")
+@click.argument("kind", type=click.Choice(["algorithms", "scenes", "counters"]))
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def list_command(kind: str, as_json: bool) -> None:
+    """List algorithms, built-in scenes or counters."""
+    from shadowbench.counters import ALL_COUNTERS
+
+    rows: list[dict[str, Any]]
+    if kind == "algorithms":
+        rows = [{"name": a.name, "paper": a.paper, "exact": a.exact, "summary": a.summary} for a in ALL_ALGORITHMS]
+    elif kind == "scenes":
+        rows = [{"name": s.name, "triangles": s.triangles, "summary": s.summary} for s in ALL_SCENES]
+    else:
+        rows = [{"name": c.name, "unit": c.unit, "definition": c.definition, "source": c.source,
+                 "in_test_and_set": c.in_test_and_set, "in_all_work": c.in_all_work} for c in ALL_COUNTERS]
+    if as_json:
+        click.echo(json.dumps(rows, indent=2))
+        return
+    width = max(len(row["name"]) for row in rows)
+    for row in rows:
+        click.echo(f"{row['name']:<{width}}  {row.get('summary') or row['definition']}")
+
+
+@cli.command()
+@click.argument("what", metavar="ALG|SCENE|RUN")
+def show(what: str) -> None:
+    """Show an algorithm's parameters and stages, a built-in scene, a scene file, or the results in a run folder."""
+    from shadowbench import commands
+
+    if what in ALGORITHMS:
+        click.echo(commands.describe_algorithm(what))
+    elif what in SCENES or Path(what).suffix in (".yaml", ".yml"):
+        click.echo(commands.describe_scene(what))
+    elif Path(what).is_dir():
+        click.echo(commands.describe_run(Path(what)))
+    else:
+        raise InputError(commands.not_found(what))
+
+
+@cli.command()
+@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=click.Path(path_type=Path))
+def validate(files: tuple[Path, ...]) -> None:
+    """Check scene files and print every problem with its line and column."""
+    from shadowbench.config import load_config
+
+    problems = []
+    for file in files:
+        try:
+            load_config(file)
+            click.echo(f"{file}: ok")
+        except InputError as error:
+            problems.append(str(error))
+    if problems:
+        raise InputError("\n".join(problems))
+
+
+@cli.command()
+@click.argument("kind", type=click.Choice(["scene", "result"]))
+def schema(kind: str) -> None:
+    """Print the JSON schema of scene files, or of one line of results.jsonl."""
+    if kind == "scene":
+        from shadowbench.config import scene_schema
+
+        document = scene_schema()
+    else:
+        from shadowbench.results import CellResult
+
+        document = CellResult.model_json_schema(by_alias=True)
+    click.echo(json.dumps(document, indent=2))
+
+
+@cli.command()
+@click.argument("name", default="scene", type=SceneArgument())
+def init(name: str) -> None:
+    """Write a commented scene file, NAME.yaml, to start from."""
+    from shadowbench import commands
+
+    file = commands.write_template(name)
+    click.echo(file)
+    click.echo(f"Next: edit it, then `shadowbench run {file}`", err=True)
+
+
+def main() -> None:
+    """Entry point: turn every way to end into its exit code."""
+    try:
+        cli.main(standalone_mode=False)
+    except click.exceptions.Exit as error:
+        sys.exit(error.exit_code)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except InputError as error:
+        click.echo(f"error: {error}", err=True)
+        sys.exit(EXIT_USAGE)
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("interrupted", err=True)
+        sys.exit(EXIT_INTERRUPTED)
+    except BrokenPipeError:                      # the reader of stdout went away, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)

@@ -1,0 +1,403 @@
+"""The planes of every triangle's shadow frustum, in the space where the tests run.
+
+**Space.** Relative to the eye a point is ``depth (forward + x right + y up)``. In (x, y, r = 1 / depth), the space
+``_proj``, a world plane ``m . (p - v)`` is still a plane: divided by the depth it reads ``a x + b y + c r + d`` with
+``a = m . right``, ``b = m . up``, ``d = m . forward`` and ``c = -m . (v - eye)``, its value at the eye. No near plane is
+involved, and since all differences are taken from world coordinates first, a scene far from the origin loses nothing.
+
+**Rows.** Positive is outside. Rows 0 to 2 are the side planes through the light and an edge, 3 is the cap plane moved
+back by the bias, 4 to 6 are wedge planes, 7 to 12 are planes through the eye; unused rows are -1 everywhere.
+Two triangles that share an edge get exactly opposite side planes, since the edge's vertices are taken in
+lexicographic order and only the sign differs (Sintorn et al. 2011, sec. 3).
+
+**Planes through the eye.** A shadow frustum is a convex body with nine edges: three of the triangle, three rays from its
+vertices away from the light, and three at infinity. Seen from the eye its outline consists of the edges between a
+face that the eye is outside of and one that it is inside of, and the plane through the eye and such an edge bounds
+the body. All of them are the *outline* planes; the two (at most) through rays are the *silhouette* planes of
+Sintorn et al. 2011, sec. 3.5. The *wedge* planes of Sintorn et al. 2014 contain the light and a vertex.
+
+**Why a culling plane never rejects a sample of the frustum.** A sample p of the frustum is ``v' + t e'``, v' on the triangle
+(a convex combination of its vertices v, seen from the eye), e' from the light to v' (of the e) and t >= 0. Let V and
+E be the largest |v| and |e|, h <= |e'| the light's distance from the triangle's plane, and suppose that a unit normal m
+has ``m . v <= tau V`` and ``m . e <= tau |e|`` for every vertex. As ``t |e'| = |p - v'| <= |p| + V``, the value over the depth is at
+most ``tau (V R + (l + V R) E / h)``, with R the largest 1 / depth and l the longest ray at depth 1. `_limit` picks
+tau so that this stays below `SLACK`, by which the row is moved outwards; a plane that misses it is left out. The
+same holds for a wedge plane through a vertex w with ``m . (v - w) <= tau V``.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.kernels.lanes import A_WEIGHT, B_WEIGHT, C_WEIGHT, D_WEIGHT
+
+CAP_ROW, WEDGE_ROW, EYE_ROW, N_ROWS = 3, 4, 7, 13
+"""First row of each kind of plane, and the number of rows."""
+
+ROW_SIZE = 4 * N_ROWS
+"""float32 values per triangle."""
+
+EDGES = np.array([[0, 3, 0, 2], [1, 4, 1, 0], [2, 5, 2, 1],
+                  [0, 6, 0, 3], [1, 7, 1, 3], [2, 8, 2, 3],
+                  [3, 6, 0, 4], [4, 7, 1, 4], [5, 8, 2, 4]])
+"""Edges of a shadow frustum: two directions in the plane through the eye (see `_Shape`), and the faces on either side
+(0 to 2: side planes, side i joins vertices i and i + 1; 3: cap; 4: at infinity, the eye is inside)."""
+
+SILHOUETTE_EDGES, OUTLINE_EDGES = 3, 9
+"""How many of `EDGES` the silhouette planes and the outline planes go through."""
+
+SLACK = 2.0**-27
+"""How far culling rows are moved outwards: an eighth of the float32 error, far above float64's."""
+
+ROUNDING = 16 * 2.0**-53
+"""Bounds the float64 error of m . v for unit vectors: 3 products, 2 sums and the normalisations."""
+
+SMALLEST_HALF = 1e-6
+"""Two side planes whose outward unit normals add up to less (squared) enclose a needle: no wedge plane is made."""
+
+FACING_ERROR = (7.0 + 56.0 * 2.0**-53) * 2.0**-53
+"""Relative error of a rounded 3 x 3 determinant (Shewchuk 1997, o3derrboundA), with w = 0 or 1."""
+
+N_WORKERS = 64
+"""Parts that the triangles are cut into."""
+
+
+class Frusta(NamedTuple):
+    """Plane rows of the casting triangles.
+
+    Attributes
+    ----------
+    triangle : int64 (n_casters,), increasing: the mesh's triangle of each frustum.
+    rows : float32 (n_casters * ROW_SIZE,), rows (a, b, c, d) in proj space, scaled as `lanes` asks.
+    exact_rows : float64 (n_casters, 4, 4), side and cap rows before rounding to float32.
+    """
+
+    triangle: np.ndarray
+    rows: np.ndarray
+    exact_rows: np.ndarray
+
+
+class View(NamedTuple):
+    """What the planes depend on besides the triangle.
+
+    Attributes
+    ----------
+    eye, right, up, forward : float64 (3,), world: the camera.
+    light : float64 (4,), homogeneous, world.
+    bias : world distance that the cap plane is moved away from the light.
+    reach : float64 (3,), largest |x|, |y| and r of a sample in proj space.
+    """
+
+    eye: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+    forward: np.ndarray
+    light: np.ndarray
+    bias: float
+    reach: np.ndarray
+
+
+class _Space(NamedTuple):
+    """A `View` as tuples of float64."""
+
+    eye: tuple
+    right: tuple
+    up: tuple
+    forward: tuple
+    light: tuple
+    bias: float
+    reach: tuple
+
+
+class _Shape(NamedTuple):
+    """Directions of a frustum: 0 to 2 the vertices seen from the eye, 3 to 5 the light's rays there, 6 to 8 the edges.
+
+    Unit vectors float64 (9, 3), and the lengths (9,) that they had. Planes take the edge between two vertices rather
+    than both, since a small triangle's directions are too close for an accurate cross product.
+    """
+
+    direction: np.ndarray
+    length: np.ndarray
+
+
+@kernel
+def _minus(a, b):
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@kernel
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def _scaled(a, s):
+    return a[0] * s, a[1] * s, a[2] * s
+
+
+@kernel
+def _sum(a, b):
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@kernel
+def _vector(array):
+    return array[0], array[1], array[2]
+
+
+@kernel
+def _row(array, i):
+    return array[i, 0], array[i, 1], array[i, 2]
+
+
+@kernel
+def _corner(corners, t, i):
+    return corners[t, i, 0], corners[t, i, 1], corners[t, i, 2]
+
+
+@kernel
+def _from_light(v, light):
+    """Direction in which the light travels at v: from a point light to v, or along a directional light's rays."""
+    w = light[3]
+    return w * v[0] - light[0], w * v[1] - light[1], w * v[2] - light[2]
+
+
+@kernel
+def _before(a, b):
+    """Lexicographic order of two positions."""
+    if a[0] != b[0]:
+        return a[0] < b[0]
+    if a[1] != b[1]:
+        return a[1] < b[1]
+    return a[2] < b[2]
+
+
+@kernel
+def facing(a, b, c, light):
+    """Side of triangle (a, b, c) that a light sees.
+
+    Returns
+    -------
+    1 for the side from which the vertices run counter-clockwise, -1 for the other, 0 if the triangle has no area or
+    the light lies in its plane, as far as float64 can tell (what it shadows is then thinner than rounding).
+    """
+    u, v, l = _minus(b, a), _minus(c, a), _from_light(a, light)
+    value = -_dot(_cross(u, v), l)
+    bound = ((abs(u[1] * v[2]) + abs(u[2] * v[1])) * abs(l[0]) + (abs(u[2] * v[0]) + abs(u[0] * v[2])) * abs(l[1])
+             + (abs(u[0] * v[1]) + abs(u[1] * v[0])) * abs(l[2])) * FACING_ERROR
+    return 1 if value > bound else (-1 if value < -bound else 0)
+
+
+@kernel
+def _facing_part(corners, light, sides, worker):
+    n = len(corners)
+    for t in range(n * worker // N_WORKERS, n * (worker + 1) // N_WORKERS):
+        sides[t] = facing(_corner(corners, t, 0), _corner(corners, t, 1), _corner(corners, t, 2), light)
+
+
+@parallel_kernel
+def find_facing(corners, light, sides):
+    """Write the `facing` of every triangle.
+
+    Parameters
+    ----------
+    corners : float64 (n_triangles, 3, 3), world.
+    light : float64 (4,), homogeneous, world.
+    sides : int8 (n_triangles,), written.
+    """
+    for worker in prange(N_WORKERS):
+        _facing_part(corners, light, sides, worker)
+
+
+@kernel
+def _weight(a, b, c, d, reach):
+    """Weighted sum of a row's magnitudes, which `lanes` asks to be 1 after scaling."""
+    return (A_WEIGHT * abs(a) * reach[0] + B_WEIGHT * abs(b) * reach[1] + C_WEIGHT * abs(c) * reach[2]
+            + D_WEIGHT * abs(d))
+
+
+@kernel
+def _set_row(rows, first, a, b, c, d):
+    rows[first], rows[first + 1], rows[first + 2], rows[first + 3] = a, b, c, d
+
+
+@kernel
+def _set_plane(frusta, k, row, m, c, space):
+    """Write a side or cap row: normal m pointing outwards, value c at the eye."""
+    a, b, d = _dot(m, space.right), _dot(m, space.up), _dot(m, space.forward)
+    scale = 1.0 / _weight(a, b, c, d, space.reach)
+    exact = frusta.exact_rows
+    exact[k, row, 0], exact[k, row, 1], exact[k, row, 2], exact[k, row, 3] = a * scale, b * scale, c * scale, d * scale
+    _set_row(frusta.rows, k * ROW_SIZE + 4 * row, a * scale, b * scale, c * scale, d * scale)
+
+
+@kernel
+def _set_culling_plane(frusta, k, row, m, c, space):
+    """Write a culling row, moved outwards by `SLACK`."""
+    a, b, d = _dot(m, space.right), _dot(m, space.up), _dot(m, space.forward)
+    scale = 1.0 / _weight(a, b, c, d, space.reach)
+    _set_row(frusta.rows, k * ROW_SIZE + 4 * row, a * scale, b * scale, c * scale, d * scale - SLACK)
+
+
+@kernel
+def _side_normal(a, b, from_light_a, from_light_b, side):
+    """Outward unit normal of the plane through the light and the edge from a to b, taken in canonical order."""
+    if _before(a, b):
+        m, sign = _cross(from_light_a, _minus(b, a)), side
+    else:
+        m, sign = _cross(from_light_b, _minus(a, b)), -side
+    return _scaled(m, sign / np.sqrt(_dot(m, m)))
+
+
+@kernel
+def _value_at_eye(m, a, b, vertex_a, vertex_b):
+    """Value at the eye of the plane with normal m through the canonically first of two vertices."""
+    return -_dot(m, vertex_a if _before(a, b) else vertex_b)
+
+
+@kernel
+def _growth(shape, height, directional, reach):
+    """Factor of the module's text: V R + (l + V R) E / h, and V."""
+    largest_v = largest_e = 0.0
+    for i in range(3):
+        largest_v, largest_e = max(largest_v, shape.length[i]), max(largest_e, shape.length[3 + i])
+    longest_ray = np.sqrt(1.0 + reach[0] * reach[0] + reach[1] * reach[1])
+    near = largest_v * reach[2]
+    return near + (longest_ray + near) * (1.0 if directional else largest_e / height), largest_v
+
+
+@kernel
+def _limit(m, c, growth, space):
+    """Largest m . u that a culling plane may show for a unit vector u, less float64's rounding (m of any length)."""
+    weight = _weight(_dot(m, space.right), _dot(m, space.up), c, _dot(m, space.forward), space.reach)
+    return SLACK * weight / growth - ROUNDING * (abs(m[0]) + abs(m[1]) + abs(m[2]))
+
+
+@kernel
+def _eye_plane(directions, g, h, growth, space):
+    """Outward normal of the plane through the eye and two directions, or zero if it does not bound the frustum."""
+    m = _cross(_row(directions, g), _row(directions, h))
+    low = high = 0.0
+    for i in range(6):
+        value = _dot(m, _row(directions, i))
+        low, high = min(low, value), max(high, value)
+    limit = _limit(m, 0.0, growth, space)
+    if high <= limit:
+        return m
+    return _scaled(m, -1.0 if low >= -limit else 0.0)
+
+
+@kernel
+def _eye_planes(frusta, k, n_edges, shape, outside, growth, space):
+    """Write the planes through the eye and the outline's edges, among the first `n_edges` of `EDGES`."""
+    row = EYE_ROW
+    for edge in range(n_edges):
+        if outside[EDGES[edge, 2]] != outside[EDGES[edge, 3]] and row < N_ROWS:
+            m = _eye_plane(shape.direction, EDGES[edge, 0], EDGES[edge, 1], growth, space)
+            if m[0] != 0.0 or m[1] != 0.0 or m[2] != 0.0:
+                _set_culling_plane(frusta, k, row, m, 0.0, space)
+                row += 1
+
+
+@kernel
+def _wedge_plane(frusta, k, i, side_a, side_b, shape, growth, largest_v, space):
+    """Write the wedge plane of vertex i, between two side planes, if it bounds the frustum."""
+    half = _sum(side_a, side_b)
+    if _dot(half, half) < SMALLEST_HALF:
+        return
+    # Remove what rounding left along the ray, so that the plane contains the light
+    ray = _row(shape.direction, 3 + i)
+    m = _minus(half, _scaled(ray, _dot(half, ray)))
+    vertex = _scaled(_row(shape.direction, i), shape.length[i])
+    c = -_dot(m, vertex)
+    limit = _limit(m, c, growth, space)
+    for j in range(3):
+        other = _scaled(_row(shape.direction, j), shape.length[j])
+        if _dot(m, _minus(other, vertex)) > limit * largest_v or _dot(m, _row(shape.direction, 3 + j)) > limit:
+            return
+    _set_culling_plane(frusta, k, WEDGE_ROW + i, m, c, space)
+
+
+@kernel
+def _set_direction(shape, i, v):
+    """Store one direction and its length."""
+    length = np.sqrt(_dot(v, v))
+    scale = 1.0 / length if length > 0.0 else 0.0
+    shape.length[i] = length
+    shape.direction[i, 0], shape.direction[i, 1], shape.direction[i, 2] = v[0] * scale, v[1] * scale, v[2] * scale
+
+
+@kernel
+def _make_frustum(k, corners, side, space, eye_edges, wedge_planes, shape, frusta):
+    """Write all rows of one frustum."""
+    t = frusta.triangle[k]
+    p, q, s = _corner(corners, t, 0), _corner(corners, t, 1), _corner(corners, t, 2)
+    vp, vq, vs = _minus(p, space.eye), _minus(q, space.eye), _minus(s, space.eye)
+    ep, eq, es = _from_light(p, space.light), _from_light(q, space.light), _from_light(s, space.light)
+    # Cap plane: towards the light is outside
+    normal = _cross(_minus(q, p), _minus(s, p))
+    normal = _scaled(normal, side / np.sqrt(_dot(normal, normal)))
+    height = -_dot(normal, vp)
+    _set_plane(frusta, k, CAP_ROW, normal, height + space.bias, space)
+    # Side planes
+    m0, m1, m2 = (_side_normal(p, q, ep, eq, side), _side_normal(q, s, eq, es, side), _side_normal(s, p, es, ep, side))
+    c0, c1, c2 = (_value_at_eye(m0, p, q, vp, vq), _value_at_eye(m1, q, s, vq, vs), _value_at_eye(m2, s, p, vs, vp))
+    _set_plane(frusta, k, 0, m0, c0, space)
+    _set_plane(frusta, k, 1, m1, c1, space)
+    _set_plane(frusta, k, 2, m2, c2, space)
+    # Culling planes
+    for i in range(4 * WEDGE_ROW, ROW_SIZE):
+        frusta.rows[k * ROW_SIZE + i] = -1.0 if i % 4 == 3 else 0.0
+    if eye_edges == 0 and not wedge_planes:
+        return
+    for i, v in enumerate((vp, vq, vs, ep, eq, es, _minus(q, p), _minus(s, q), _minus(p, s))):
+        _set_direction(shape, i, v)
+    growth, largest_v = _growth(shape, abs(_dot(normal, ep)), space.light[3] == 0.0, space.reach)
+    if wedge_planes:
+        _wedge_plane(frusta, k, 0, m2, m0, shape, growth, largest_v, space)
+        _wedge_plane(frusta, k, 1, m0, m1, shape, growth, largest_v, space)
+        _wedge_plane(frusta, k, 2, m1, m2, shape, growth, largest_v, space)
+    outside = c0 > 0.0, c1 > 0.0, c2 > 0.0, height > 0.0, False
+    _eye_planes(frusta, k, eye_edges, shape, outside, growth, space)
+
+
+@kernel
+def _frusta_part(corners, sides, view, eye_edges, wedge_planes, frusta, worker):
+    n = len(frusta.triangle)
+    light, reach = view.light, view.reach
+    space = _Space(_vector(view.eye), _vector(view.right), _vector(view.up), _vector(view.forward),
+                   (light[0], light[1], light[2], light[3]), view.bias, _vector(reach))
+    shape = _Shape(np.empty((9, 3)), np.empty(9))
+    for k in range(n * worker // N_WORKERS, n * (worker + 1) // N_WORKERS):
+        _make_frustum(k, corners, sides[frusta.triangle[k]], space, eye_edges, wedge_planes, shape, frusta)
+
+
+@parallel_kernel
+def _fill_frusta(corners, sides, view, eye_edges, wedge_planes, frusta):
+    for worker in prange(N_WORKERS):
+        _frusta_part(corners, sides, view, eye_edges, wedge_planes, frusta, worker)
+
+
+def make_frusta(corners, sides, casters, view, eye_edges, wedge_planes):
+    """Set up the shadow frusta of all triangles that cast.
+
+    Parameters
+    ----------
+    corners : float64 (n_triangles, 3, 3), world, finite.
+    sides : int8 (n_triangles,), from `find_facing`; triangles with 0 cast nothing.
+    casters : bool (n_triangles,), the triangles that may cast, or None for all.
+    view : camera, light, bias and the reach of the samples.
+    eye_edges : how many of `EDGES` may give planes through the eye: 0, SILHOUETTE_EDGES or OUTLINE_EDGES.
+    wedge_planes : True to make the wedge planes.
+    """
+    casting = sides != 0 if casters is None else (sides != 0) & casters
+    triangle = np.flatnonzero(casting)
+    frusta = Frusta(triangle, np.empty(len(triangle) * ROW_SIZE, np.float32), np.empty((len(triangle), 4, 4)))
+    _fill_frusta(corners, sides, view, eye_edges, wedge_planes, frusta)
+    return frusta

@@ -1,0 +1,342 @@
+"""Traversal of a tile tree by shadow frusta, and the shadow buffer that it fills.
+
+Work is split by the root's children: a worker owns one of them with all that lies below, and takes the frusta in
+order. The root itself is tested once per frustum, beforehand. So counts and shadows are those of a serial loop over
+the frusta, for any number of threads.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.kernels.depth_hierarchy import samples_offset
+from shadowbench.kernels.lanes import (
+    LANES,
+    classify_boxes,
+    classify_samples,
+    count_bits,
+    lowest_bit,
+    outside_eye_planes,
+    outside_wedge_planes,
+)
+from shadowbench.kernels.shadow_frustum import CAP_ROW, EYE_ROW, ROW_SIZE, WEDGE_ROW
+
+N_WORKERS = 64
+"""Parts that the root tests and the rows of the merge are cut into."""
+
+_STACK_SIZE = 1024     # a node leaves at most branching - 1 siblings per level: 63 * 7 levels, or 3 * 20
+_COLUMN_BITS = 28      # a stack entry packs level, row and column
+
+
+class Planes(NamedTuple):
+    """Which culling planes to test, and whether to skip what is in shadow already."""
+
+    eye: bool
+    wedge: bool
+    skip_shadowed: bool
+
+
+class Shadow(NamedTuple):
+    """The hierarchical shadow buffer.
+
+    Attributes
+    ----------
+    full : uint8 (n_nodes,), 1 for tiles that lie wholly in one shadow frustum.
+    samples : uint64 (n_tiles of the last level,), a bit per sample found in shadow.
+    open : uint64 (n_nodes,), a bit per child that still is to be tested: the occupied ones, less those in shadow if
+        they are skipped.
+    """
+
+    full: np.ndarray
+    samples: np.ndarray
+    open: np.ndarray
+
+
+class RootTests(NamedTuple):
+    """Outcome of every frustum's test of the root's children, uint64 (n_frusta,).
+
+    Attributes
+    ----------
+    alive : bits of the children that are not rejected.
+    partial : bits of the children that are not certainly inside.
+    """
+
+    alive: np.ndarray
+    partial: np.ndarray
+
+
+class Counts(NamedTuple):
+    """Operation counts. Arrays by worker have one row per root child: no two workers write to one row.
+
+    Attributes
+    ----------
+    visits : int64 (n_nodes,), times that a node's children (or samples) were tested.
+    frustum_visits : int32 (branching, n_frusta), visits below each root child.
+    accepts, rejects, refinements : int64 (branching, n_levels), children of each level's nodes wholly inside a
+        frustum, outside one of its planes, and neither; only occupied children that are still to be tested.
+    retries : int64 (branching,), samples tested again in float64.
+    """
+
+    visits: np.ndarray
+    frustum_visits: np.ndarray
+    accepts: np.ndarray
+    rejects: np.ndarray
+    refinements: np.ndarray
+    retries: np.ndarray
+
+
+def empty_shadow(tree):
+    """Allocate a shadow buffer without shadow."""
+    n_tiles = tree.levels["columns"][-1] * tree.levels["rows"][-1]
+    return Shadow(np.zeros(len(tree.occupied), np.uint8), np.zeros(n_tiles, np.uint64), tree.occupied.copy())
+
+
+def empty_counts(tree, n_frusta):
+    """Allocate counts of zero."""
+    branching = int(tree.levels["grid_x"][0] * tree.levels["grid_y"][0])
+    levels = (branching, len(tree.levels))
+    return Counts(np.zeros(len(tree.occupied), np.int64), np.zeros((branching, n_frusta), np.int32),
+                  np.zeros(levels, np.int64), np.zeros(levels, np.int64), np.zeros(levels, np.int64),
+                  np.zeros(branching, np.int64))
+
+
+@kernel
+def _test_node(tree, frusta, planes, k, level, row, column, node, open_children):
+    """Test the children of a node; returns masks (not rejected, not certainly inside)."""
+    lanes = tree.n_chunks * LANES
+    x0 = level.first_x + column * (2 * LANES)
+    y0 = level.first_y + row * (2 * lanes)
+    r0 = node * (2 * lanes)
+    first = k * ROW_SIZE
+    alive = open_children
+    if planes.eye:
+        alive &= ~outside_eye_planes(frusta.rows, first + 4 * EYE_ROW, tree.x, x0, 0, tree.y, y0, tree.r, r0,
+                                     tree.n_chunks, alive)
+    if planes.wedge and alive != 0:
+        alive &= ~outside_wedge_planes(frusta.rows, first + 4 * WEDGE_ROW, tree.x, x0, 0, tree.y, y0, tree.r, r0,
+                                       tree.n_chunks, alive)
+    if alive == 0:
+        return alive, alive
+    outside, partial = classify_boxes(frusta.rows, first, tree.x, x0, 0, tree.y, y0, tree.r, r0, tree.n_chunks, alive)
+    alive &= ~outside
+    return alive, alive & partial
+
+
+@kernel
+def _root_part(tree, frusta, planes, tests, worker):
+    n, root = len(frusta.triangle), tree.levels[0]
+    for k in range(n * worker // N_WORKERS, n * (worker + 1) // N_WORKERS):
+        tests.alive[k], tests.partial[k] = _test_node(tree, frusta, planes, k, root, 0, 0, 0, tree.occupied[0])
+
+
+@parallel_kernel
+def _test_root(tree, frusta, planes, tests):
+    for worker in prange(N_WORKERS):
+        _root_part(tree, frusta, planes, tests, worker)
+
+
+@kernel
+def _inside_in_float64(exact_rows, k, x, y, r):
+    """Decide a sample: on or inside the side planes, strictly inside the cap plane."""
+    for row in range(CAP_ROW):
+        value = (exact_rows[k, row, 0] * x + (exact_rows[k, row, 1] * y + exact_rows[k, row, 3])
+                 + exact_rows[k, row, 2] * r)
+        if value > 0.0:
+            return False
+    return (exact_rows[k, CAP_ROW, 0] * x + (exact_rows[k, CAP_ROW, 1] * y + exact_rows[k, CAP_ROW, 3])
+            + exact_rows[k, CAP_ROW, 2] * r) < 0.0
+
+
+@kernel
+def _test_samples(tree, frusta, k, row, column, tile, candidates, depth):
+    """Test the samples of a tile; returns (mask in shadow, mask decided in float64)."""
+    level = tree.levels[-1]
+    x0 = level.first_x + column * (2 * LANES)
+    y0 = level.first_y + row * (2 * tree.n_chunks * LANES)
+    outside, unsure = classify_samples(frusta.rows, k * ROW_SIZE, tree.x, x0, 0, tree.y, y0, tree.r,
+                                       samples_offset(tree, tile), tree.n_chunks, candidates)
+    inside = candidates & ~outside
+    undecided = inside & unsure
+    rest = undecided
+    while rest != 0:
+        lane = lowest_bit(rest)
+        bit = np.uint64(1) << np.uint64(lane)
+        rest ^= bit
+        y, x = row * level.grid_y + lane // level.grid_x, column * level.grid_x + lane % level.grid_x
+        r = 1.0 / depth[y * len(tree.plane_x) + x]
+        if not _inside_in_float64(frusta.exact_rows, k, tree.plane_x[x], tree.plane_y[y], r):
+            inside ^= bit
+    return inside, undecided
+
+
+@kernel
+def _close(tree, shadow, index, row, column):
+    """Tell the ancestors below the root, as far as it matters, that a tile has nothing left to test."""
+    while index > 1:
+        index -= 1
+        level = tree.levels[index]
+        lane = row % level.grid_y * level.grid_x + column % level.grid_x
+        row, column = row // level.grid_y, column // level.grid_x
+        node = level.first + row * level.columns + column
+        shadow.open[node] &= ~(np.uint64(1) << np.uint64(lane))
+        if shadow.open[node] != 0:
+            return
+
+
+@kernel
+def _traverse(tree, frusta, planes, k, row, column, depth, shadow, stack, worker, counts):
+    """Walk one frustum through the tree below the root's child (row, column)."""
+    last = len(tree.levels) - 1
+    low_bits = (1 << _COLUMN_BITS) - 1
+    stack[0] = ((1 << _COLUMN_BITS) + row << _COLUMN_BITS) + column
+    n_stacked = 1
+    while n_stacked > 0:
+        n_stacked -= 1
+        entry = stack[n_stacked]
+        index, row, column = entry >> 2 * _COLUMN_BITS, entry >> _COLUMN_BITS & low_bits, entry & low_bits
+        level = tree.levels[index]
+        tile = row * level.columns + column
+        node = level.first + tile
+        candidates = shadow.open[node]
+        if counts is not None:
+            counts.visits[node] += 1
+            counts.frustum_visits[worker, k] += 1
+        if index == last:
+            closed, undecided = _test_samples(tree, frusta, k, row, column, tile, candidates, depth)
+            shadow.samples[tile] |= closed
+            if counts is not None:
+                counts.retries[worker] += count_bits(undecided)
+        else:
+            alive, partial = _test_node(tree, frusta, planes, k, level, row, column, node, candidates)
+            closed = alive & ~partial
+            if counts is not None:
+                counts.rejects[worker, index] += count_bits(candidates & ~alive)
+                counts.accepts[worker, index] += count_bits(closed)
+                counts.refinements[worker, index] += count_bits(partial)
+            while alive != 0:
+                lane = lowest_bit(alive)
+                bit = np.uint64(1) << np.uint64(lane)
+                alive ^= bit
+                child_row = row * level.grid_y + lane // level.grid_x
+                child_column = column * level.grid_x + lane % level.grid_x
+                if partial & bit != 0:
+                    stack[n_stacked] = ((index + 1 << _COLUMN_BITS) + child_row << _COLUMN_BITS) + child_column
+                    n_stacked += 1
+                else:
+                    below = tree.levels[index + 1]
+                    shadow.full[below.first + child_row * below.columns + child_column] = 1
+        if planes.skip_shadowed and closed != 0:
+            shadow.open[node] = candidates & ~closed
+            if shadow.open[node] == 0:
+                _close(tree, shadow, index, row, column)
+
+
+@kernel
+def _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts):
+    """Walk all frusta through the root's child `worker`."""
+    root, level = tree.levels[0], tree.levels[1]
+    row, column = worker // root.grid_x, worker % root.grid_x
+    if row >= level.rows or column >= level.columns:
+        return
+    node = level.first + row * level.columns + column
+    stack = np.empty(_STACK_SIZE, np.int64)
+    bit = np.uint64(1) << np.uint64(worker)
+    for k in range(len(frusta.triangle)):
+        if tests.alive[k] & bit == 0:
+            if counts is not None and shadow.open[node] != 0:
+                counts.rejects[worker, 0] += 1
+            continue
+        if planes.skip_shadowed and shadow.open[node] == 0:
+            return
+        accepted = tests.partial[k] & bit == 0
+        if counts is not None:
+            counts.accepts[worker, 0] += accepted
+            counts.refinements[worker, 0] += not accepted
+        if accepted:
+            shadow.full[node] = 1
+            if planes.skip_shadowed:
+                shadow.open[node] = 0
+        else:
+            _traverse(tree, frusta, planes, k, row, column, depth, shadow, stack, worker, counts)
+
+
+@parallel_kernel
+def _traverse_tiles(tree, frusta, planes, tests, depth, shadow, counts):
+    for worker in prange(tree.levels[0].grid_x * tree.levels[0].grid_y):
+        _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts)
+
+
+def traverse(tree, frusta, planes, depth, shadow, counts):
+    """Rasterise all frusta into the shadow buffer.
+
+    Parameters
+    ----------
+    tree : the samples; frusta : the casters.
+    planes : what to test and to skip.
+    depth : float64 (n_samples,), of the samples row by row, for the decisions in float64.
+    shadow : filled.
+    counts : filled, or None for the build that does not count.
+    """
+    n_frusta = len(frusta.triangle)
+    if n_frusta == 0 or tree.occupied[0] == 0:
+        return
+    tests = RootTests(np.empty(n_frusta, np.uint64), np.empty(n_frusta, np.uint64))
+    _test_root(tree, frusta, planes, tests)
+    _traverse_tiles(tree, frusta, planes, tests, depth, shadow, counts)
+    if counts is not None:
+        counts.visits[0] = n_frusta
+
+
+@kernel
+def _tile_bits(tree, shadow, row, column):
+    """Samples of a tile of the last level that are in shadow by themselves or with one of their tiles."""
+    bits = shadow.samples[row * tree.levels[-1].columns + column]
+    occupied = tree.occupied[tree.levels[-1].first + row * tree.levels[-1].columns + column]
+    for index in range(len(tree.levels) - 1, 0, -1):
+        level = tree.levels[index]
+        node = level.first + row * level.columns + column
+        if shadow.full[node] != 0:
+            return occupied
+        above = tree.levels[index - 1]
+        row, column = row // above.grid_y, column // above.grid_x
+    return bits
+
+
+@kernel
+def _merge_rows(tree, shadow, worker, merged):
+    """Fill the samples of a band of tile rows from the tiles' bits and their ancestors'."""
+    level, n_columns = tree.levels[-1], len(tree.plane_x)
+    for row in range(level.rows * worker // N_WORKERS, level.rows * (worker + 1) // N_WORKERS):
+        for column in range(level.columns):
+            bits = _tile_bits(tree, shadow, row, column)
+            for iy in range(min(level.grid_y, len(tree.plane_y) - row * level.grid_y)):
+                sample = (row * level.grid_y + iy) * n_columns + column * level.grid_x
+                for ix in range(min(level.grid_x, n_columns - column * level.grid_x)):
+                    merged[sample + ix] = bits >> np.uint64(iy * level.grid_x + ix) & np.uint64(1)
+
+
+@parallel_kernel
+def _merge(tree, shadow, merged):
+    for worker in prange(N_WORKERS):
+        _merge_rows(tree, shadow, worker, merged)
+
+
+def merge_shadow(tree, shadow):
+    """Merge the levels downwards: float32 (n_samples,), 1 for samples of the tree that are in shadow."""
+    merged = np.empty(len(tree.plane_x) * len(tree.plane_y), np.float32)
+    _merge(tree, shadow, merged)
+    return merged
+
+
+def visits_per_sample(tree, visits):
+    """Tests of tiles that contain each sample, and of the sample itself, int64 (n_samples,).
+
+    A visit of a node tests each of its children once, and one of those contains the sample.
+    """
+    row, column = np.arange(len(tree.plane_y)), np.arange(len(tree.plane_x))
+    per_sample = np.zeros((len(row), len(column)), np.int64)
+    for level in tree.levels[::-1]:
+        row, column = row // level["grid_y"], column // level["grid_x"]
+        per_sample += visits[level["first"] + row[:, None] * level["columns"] + column]
+    return per_sample.reshape(-1)

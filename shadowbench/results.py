@@ -1,0 +1,236 @@
+"""The run folder: the only module that knows how results are laid out on disk.
+
+``results.jsonl`` is the truth: one line per cell, flushed as the cell finishes. Everything else can be made from it
+again. ``run.json`` says what ran where; the CSV files are for spreadsheets and for the count gate.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import os
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from shadowbench.algorithms import PEERS
+from shadowbench.errors import InputError
+
+SCHEMA = 1
+"""Version of every format in the run folder; grows when a field changes its meaning."""
+
+DEFAULT_PARENT = Path("results/runs")
+
+CellStatus = Literal["done", "unsupported", "failed"]
+RunStatus = Literal["running", "done", "partial", "interrupted"]
+
+
+class RunFolderError(Exception):
+    """The run folder can't be written to, for instance because the disk is full; what was finished is kept."""
+
+
+class AccuracyRecord(BaseModel):
+    """Samples by class; see `shadowbench.accuracy.Accuracy`."""
+
+    model_config = ConfigDict(extra="forbid")
+    samples: int
+    lit_candidates: int
+    shadowed: int
+    ambiguous: int
+    false_shadow: int
+    false_light: int
+    edge_tie: int
+    caster_difference: int | None = Field(
+        None, description="samples whose answer changes because only some triangles cast; None if all do")
+
+
+class CellResult(BaseModel):
+    """One line of ``results.jsonl``: one scene, frame, algorithm and set of parameters."""
+
+    model_config = ConfigDict(extra="forbid", populate_by_name=True)
+    format: int = Field(SCHEMA, alias="schema", description="version of this format")
+    key: str = Field(description="digest of all that decides the counts of this cell")
+    scene: str
+    frame: int
+    algorithm: str
+    label: str = Field(description="algorithm and its non-default parameters, a valid file name")
+    params: dict[str, Any]
+    status: CellStatus
+    reason: str | None = Field(None, description="why the cell is unsupported or failed")
+    counts: dict[str, int] = Field(default_factory=dict)
+    levels: dict[str, list[int]] = Field(default_factory=dict, description="counts per tree level, from the root")
+    stages: dict[str, list[float]] = Field(default_factory=dict, description="seconds per stage and repeat")
+    total_seconds: list[float] = Field(default_factory=list, description="seconds per repeat, preparation left out")
+    jit_seconds: float = Field(0.0, description="seconds spent compiling, outside every timing")
+    memory_bytes: dict[str, int] = Field(default_factory=dict)
+    accuracy: AccuracyRecord | None = None
+    files: dict[str, str] = Field(default_factory=dict, description="paths inside the run folder")
+
+
+def make_label(algorithm: str, changed: dict[str, Any]) -> str:
+    """Name a variant: the id plus its non-default parameters, as a file name that needs no quoting."""
+    parts = [algorithm] + [f"{key}={value}" for key, value in sorted(changed.items())]
+    label = re.sub(r"[^A-Za-z0-9._=+-]", "-", "+".join(parts))
+    if len(label) > 120:
+        label = f"{label[:100]}+{hashlib.sha256(label.encode()).hexdigest()[:12]}"
+    return label
+
+
+def make_key(**decisive: Any) -> str:
+    """Digest of everything that decides a cell's counts, as 32 hexadecimal digits."""
+    text = json.dumps(decisive, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def default_folder(scene_name: str) -> Path:
+    """``results/runs/<UTC time>-<scene>``, with a number added if that exists."""
+    stem = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{re.sub(r'[^A-Za-z0-9._-]', '-', scene_name)}"
+    folder, n = DEFAULT_PARENT / stem, 1
+    while folder.exists():
+        n += 1
+        folder = DEFAULT_PARENT / f"{stem}-{n}"
+    return folder
+
+
+def check_writable(folder: Path) -> None:
+    """Make sure that the run folder can be made or written to, and leave nothing behind.
+
+    Raises
+    ------
+    InputError
+        If the folder holds another run, or can't be written to.
+    """
+    if (folder / "run.json").exists():
+        raise InputError(f"{folder} already holds a run: choose another --out, or remove it")
+    existing = folder
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    if not existing.is_dir():
+        raise InputError(f"cannot write to {folder}: {existing} is not a folder; choose another --out")
+    trial = existing / f".shadowbench-write-test-{os.getpid()}"
+    try:
+        trial.touch(exist_ok=False)
+        trial.unlink()
+    except OSError as error:
+        raise InputError(f"cannot write to {folder}: {error.strerror}; choose another --out") from error
+
+
+class RunFolder:
+    """One run's folder on disk.
+
+    Parameters
+    ----------
+    path : the folder; made here, with its parents.
+    description : fields of ``run.json`` other than ``schema``, ``status``, ``created`` and ``cells``.
+    planned : number of cells.
+    """
+
+    def __init__(self, path: Path, description: dict[str, Any], planned: int) -> None:
+        self.path = path
+        self.cells: list[CellResult] = []
+        self._description = description
+        self._planned = planned
+        self._created = f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make {path}: {error.strerror}; choose another --out") from error
+        self.write_status("running")
+
+    def write_text(self, name: str, text: str) -> None:
+        """Write a small file in one step, so that no reader and no crash sees half of it."""
+        target = self.path / name
+        temporary = target.with_name(target.name + ".part")
+        try:
+            temporary.write_text(text, encoding="utf-8")
+            temporary.replace(target)
+        except OSError as error:
+            raise RunFolderError(f"cannot write {target}: {error.strerror}; free some space and run again") from error
+
+    def write_status(self, status: RunStatus, **more: Any) -> None:
+        """Write ``run.json``."""
+        by_status = {s: sum(cell.status == s for cell in self.cells) for s in ("done", "unsupported", "failed")}
+        document = {"schema": SCHEMA, "status": status, "created": self._created, **self._description, **more,
+                    "cells": {"planned": self._planned, **by_status}}
+        self.write_text("run.json", json.dumps(document, indent=2) + "\n")
+
+    def append(self, cell: CellResult) -> None:
+        """Add a finished cell to ``results.jsonl`` and flush it to the disk."""
+        self.cells.append(cell)
+        try:
+            with (self.path / "results.jsonl").open("a", encoding="utf-8") as file:
+                file.write(cell.model_dump_json(by_alias=True) + "\n")
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise RunFolderError(f"cannot write {self.path / 'results.jsonl'}: {error.strerror}; "
+                                 "the cells before this one are kept") from error
+
+    def image_folder(self, frame: int, label: str | None = None) -> Path:
+        """Make and return the folder for a frame's pictures, or for one algorithm's within it."""
+        folder = self.path / "frames" / f"{frame:04d}"
+        if label is not None:
+            folder /= label
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RunFolderError(f"cannot make {folder}: {error.strerror}; what was finished is kept") from error
+        return folder
+
+    def write_tables(self) -> None:
+        """Write ``counts.csv`` and ``timings.csv`` from the cells so far."""
+        counts, timings = tables(self.cells)
+        self.write_text("counts.csv", counts)
+        self.write_text("timings.csv", timings)
+
+
+def tables(cells: list[CellResult]) -> tuple[str, str]:
+    """Make the texts of ``counts.csv`` (integers only, sorted) and ``timings.csv``."""
+    counts = [(c.scene, c.frame, c.algorithm, c.label, name, value) for c in cells for name, value in c.counts.items()]
+    for cell in cells:
+        if cell.accuracy is not None and cell.algorithm not in PEERS:    # a peer's answers depend on the machine
+            counts += [(cell.scene, cell.frame, cell.algorithm, cell.label, name, value)
+                       for name, value in cell.accuracy.model_dump(exclude_none=True).items()]
+    timings = [(c.scene, c.frame, c.algorithm, c.label, stage, repeat, f"{seconds:.9f}") for c in cells
+               for stage, values in [*c.stages.items(), ("total", c.total_seconds)]
+               for repeat, seconds in enumerate(values)]
+    return (_csv(("scene", "frame", "algorithm", "label", "counter", "value"), sorted(counts)),
+            _csv(("scene", "frame", "algorithm", "label", "stage", "repeat", "seconds"), timings))
+
+
+def _csv(header: tuple[str, ...], rows: list[Any]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def read_run(path: Path) -> tuple[dict[str, Any], list[CellResult]]:
+    """Read a run folder back.
+
+    Returns
+    -------
+    ``run.json`` as a dictionary, and the cells in the order they finished. A last line cut short by a kill is left out.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no run, or one of another schema.
+    """
+    try:
+        document = json.loads((path / "run.json").read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(f"{path} holds no run: it has no run.json") from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read {path / 'run.json'}: {error}") from error
+    if document.get("schema") != SCHEMA:
+        raise InputError(f"{path} was written with schema {document.get('schema')}; this version reads {SCHEMA}")
+    lines_file = path / "results.jsonl"
+    lines = lines_file.read_text(encoding="utf-8").splitlines(keepends=True) if lines_file.exists() else []
+    return document, [CellResult.model_validate_json(line) for line in lines if line.endswith("\n")]

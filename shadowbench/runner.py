@@ -1,0 +1,256 @@
+"""Runs cells: prepare, warm up, repeat, count, verify against the reference, and write.
+
+A cell is one scene x frame x algorithm x parameters. Timings come from the build without counting, counts from the
+build with it; compilation happens in a warm-up call and is never inside a timing. The reference judges every cell
+over the same set of casters. A cell that fails loses no other.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench import accuracy, jit
+from shadowbench.algorithms.base import Algorithm, ShadowBuffer
+from shadowbench.algorithms.reference import reference_frame
+from shadowbench.geometry import Frame
+from shadowbench.plan import Cell, RunOptions
+from shadowbench.probe import Probe
+from shadowbench.progress import Progress
+from shadowbench.report import pictures
+from shadowbench.report.html import write_report
+from shadowbench.results import AccuracyRecord, CellResult, RunFolder, RunStatus
+from shadowbench.scenes.loader import Scene
+from shadowbench.view_samples import render_view_samples
+
+
+@dataclass
+class Truth:
+    """The reference's answer for one frame and one set of casters."""
+
+    shadow: NDArray[np.float32]
+    ambiguous: NDArray[np.bool_]
+
+
+@dataclass
+class RunSummary:
+    """What a run came to.
+
+    Attributes
+    ----------
+    folder : where the results are.
+    cells : results in order.
+    warnings : sentences worth a reader's attention.
+    interrupted : True if the run was stopped by the user.
+    """
+
+    folder: Path
+    cells: list[CellResult]
+    warnings: list[str] = field(default_factory=list)
+    interrupted: bool = False
+
+    @property
+    def exit_code(self) -> int:
+        """0 all well, 4 some cells failed, 5 nothing measured, 130 interrupted."""
+        if self.interrupted:
+            return 130
+        if any(cell.status == "failed" for cell in self.cells):
+            return 4
+        return 0 if any(cell.status == "done" for cell in self.cells) else 5
+
+
+class StopRun(Exception):
+    """Raised to end a run early because a cell failed and `RunOptions.keep_going` is False."""
+
+
+class Runner:
+    """Carries out the cells of one scene.
+
+    Parameters
+    ----------
+    scene, cells, options : what to run and how.
+    folder : where results go.
+    progress : where the user reads how far it is.
+    """
+
+    def __init__(self, scene: Scene, cells: list[Cell], options: RunOptions, folder: RunFolder, progress: Progress
+                 ) -> None:
+        self.scene, self.cells, self.options = scene, cells, options
+        self.folder, self.progress = folder, progress
+        self.summary = RunSummary(folder.path, folder.cells)
+        self.seconds: dict[str, float] = {"compilation": 0.0, "prepare": 0.0, "view_samples": 0.0, "reference": 0.0,
+                                          "cells": 0.0, "images": 0.0}
+        self._prepared: dict[str, tuple[Any, Any]] = {}
+        self._announced: set[str] = set()
+
+    def run(self) -> RunSummary:
+        """Run everything that is planned; on Ctrl-C keep what is finished."""
+        status: RunStatus = "done"
+        jit.set_threads(self.options.threads)
+        try:
+            for frame, cells in itertools.groupby(self.cells, key=lambda cell: cell.frame):
+                self._run_frame(frame, list(cells))
+        except KeyboardInterrupt:
+            self.summary.interrupted, status = True, "interrupted"
+        except StopRun:
+            pass
+        if status == "done" and any(cell.status == "failed" for cell in self.folder.cells):
+            status = "partial"
+        self.folder.write_tables()
+        self.folder.write_status(status, warnings=self.summary.warnings, threading_layer=jit.threading_layer(),
+                                 seconds={name: round(value, 6) for name, value in self.seconds.items()})
+        write_report(self.folder)
+        return self.summary
+
+    @contextmanager
+    def _clock(self, name: str, what: str = "") -> Iterator[None]:
+        """Add the time spent inside to `seconds`, and time spent compiling to "compilation" instead."""
+        def announce() -> None:
+            if (what or name) not in self._announced:
+                self._announced.add(what or name)
+                self.progress.note(f"compiling kernels for {what or name} (once; they are kept for later runs)")
+
+        start = time.perf_counter()
+        with jit.CompileWatch(announce) as watch:
+            try:
+                yield
+            finally:
+                self.seconds[name] += time.perf_counter() - start - watch.seconds
+                self.seconds["compilation"] += watch.seconds
+
+    def _run_frame(self, index: int, cells: list[Cell]) -> None:
+        """Render the view samples, find the truth, run the cells."""
+        self.progress.step(f"frame {index}: view samples")
+        with self._clock("view_samples"):
+            mesh, camera, light = self.scene.mesh(index), self.scene.camera(index), self.scene.light(index)
+            samples = render_view_samples(mesh, camera, light, self.scene.image)
+        image = self.scene.image
+        frame = Frame(mesh, light, camera.basis(image.width / image.height), image, samples, self.scene.bias)
+        n_candidates = int(np.count_nonzero(samples.candidate))
+        if n_candidates == 0:
+            self._warn(f"frame {index}: no sample faces the light, so no method has anything to do; "
+                       "check the light's position or direction, and what the camera sees")
+        if "images" in self.options.only:
+            with self._clock("images"):
+                pictures.write_gbuffer(self.folder.image_folder(index), frame)
+        truths: dict[bytes, Truth] = {}
+        for cell in cells:
+            self.progress.step(f"frame {index}: {cell.label}")
+            result = self._run_cell(cell, frame, truths)
+            self.folder.append(result)
+            self.progress.finished(f"frame {index} {cell.label}: {_outcome(result)}")
+            if result.status == "failed" and not self.options.keep_going:
+                raise StopRun
+
+    def _run_cell(self, cell: Cell, frame: Frame, truths: dict[bytes, Truth]) -> CellResult:
+        """Run one cell; whatever goes wrong inside it becomes its reason."""
+        params = cell.algorithm.params.model_dump(mode="json")
+        result = CellResult(key=cell.key, scene=self.scene.name, frame=cell.frame, algorithm=cell.name,
+                            label=cell.label, params=params, status="done")
+        reason = cell.algorithm.unsupported(self.scene)
+        if reason is not None:
+            return result.model_copy(update={"status": "unsupported", "reason": reason})
+        try:
+            self._measure(cell, frame, truths, result)
+        except Exception as error:
+            return CellResult(key=cell.key, scene=self.scene.name, frame=cell.frame, algorithm=cell.name,
+                              label=cell.label, params=params, status="failed",
+                              reason=f"{type(error).__name__}: {error}")
+        return result
+
+    def _measure(self, cell: Cell, frame: Frame, truths: dict[bytes, Truth], result: CellResult) -> None:
+        """Fill in counts, accuracy, timings and pictures."""
+        algorithm = cell.algorithm
+        compiled_before = self.seconds["compilation"]
+        with self._clock("prepare", cell.label):
+            frame = self._prepare(cell, frame)
+        with self._clock("cells", cell.label):
+            probe = Probe(counting=True)
+            buffer = algorithm.shadows(frame, probe)
+        _check_buffer(buffer, frame)
+        casters = algorithm.casters(frame)
+        truth = self._truth(frame, casters, truths)
+        errors = accuracy.classify(buffer.shadow, truth.shadow, truth.ambiguous, frame.samples.candidate)
+        measured = accuracy.measure(buffer.shadow, errors, truth.ambiguous, frame.samples.candidate)
+        result.accuracy = AccuracyRecord(**asdict(measured))
+        if casters is not None:
+            everything = self._truth(frame, None, truths)
+            result.accuracy.caster_difference = int(np.count_nonzero(truth.shadow != everything.shadow))
+        if algorithm.exact and measured.wrong:
+            self._warn(f"frame {cell.frame}: {cell.label} is meant to be exact but has {measured.wrong} wrong samples")
+        if "counts" in self.options.only:
+            result.counts, result.levels = probe.all_counts(), probe.levels
+        if "timings" in self.options.only:
+            with self._clock("cells", cell.label):
+                self._repeat(algorithm, frame, buffer, result)
+        result.memory_bytes = probe.memory_bytes
+        result.jit_seconds = round(self.seconds["compilation"] - compiled_before, 6)
+        if "images" in self.options.only:
+            with self._clock("images"):
+                folder = self.folder.image_folder(cell.frame, cell.label)
+                files = pictures.write_shadow_pictures(folder, frame, buffer, errors, probe.heat, cell.label)
+                result.files = {name: path.relative_to(self.folder.path).as_posix() for name, path in files.items()}
+
+    def _prepare(self, cell: Cell, frame: Frame) -> Frame:
+        """Attach what the algorithm prepares from the mesh, made once per mesh."""
+        known_mesh, prepared = self._prepared.get(cell.label, (None, None))
+        if known_mesh is not frame.mesh:
+            prepared = cell.algorithm.prepare(frame.mesh)
+            self._prepared[cell.label] = (frame.mesh, prepared)
+        return Frame(frame.mesh, frame.light, frame.camera, frame.image, frame.samples, frame.bias, prepared)
+
+    def _repeat(self, algorithm: Algorithm, frame: Frame, expected: ShadowBuffer, result: CellResult) -> None:
+        """Warm up the build without counting, then time it."""
+        algorithm.shadows(frame, Probe())
+        for _ in range(self.options.repeats):
+            probe = Probe()
+            start = time.perf_counter()
+            buffer = algorithm.shadows(frame, probe)
+            result.total_seconds.append(time.perf_counter() - start)
+            for stage, seconds in probe.stages.items():
+                result.stages.setdefault(stage, []).append(seconds)
+            if not np.array_equal(buffer.shadow, expected.shadow):
+                raise RuntimeError("two executions on the same input gave different shadows")
+
+    def _truth(self, frame: Frame, casters: NDArray[np.bool_] | None, truths: dict[bytes, Truth]) -> Truth:
+        """Return the reference's answer for a set of casters, computed once per frame."""
+        key = b"all" if casters is None else np.packbits(casters).tobytes()
+        if key not in truths:
+            with self._clock("reference"):
+                truths[key] = Truth(*reference_frame(frame, Probe(), casters))
+            n_ambiguous = int(np.count_nonzero(truths[key].ambiguous))
+            n_candidates = int(np.count_nonzero(frame.samples.candidate))
+            if n_ambiguous > accuracy.AMBIGUOUS_WARNING_SHARE * n_candidates:
+                self._warn(f"{n_ambiguous} of {n_candidates} lit candidates are ambiguous: their answer hangs on the "
+                           "last digits, so mismatches there count as edge ties")
+        return truths[key]
+
+    def _warn(self, text: str) -> None:
+        """Keep a warning for run.json and print it, once."""
+        if text not in self.summary.warnings:
+            self.summary.warnings.append(text)
+            self.progress.note(f"warning: {text}")
+
+
+def _check_buffer(buffer: ShadowBuffer, frame: Frame) -> None:
+    """Refuse a shadow buffer of the wrong size or type."""
+    shape = frame.samples.candidate.shape
+    if buffer.shadow.shape != shape or buffer.shadow.dtype != np.float32:
+        raise TypeError(f"shadow must be float32 {shape}, not {buffer.shadow.dtype} {buffer.shadow.shape}")
+
+
+def _outcome(result: CellResult) -> str:
+    """One short phrase for the progress log."""
+    if result.status != "done" or result.accuracy is None:
+        return f"{result.status}: {result.reason}"
+    wrong = result.accuracy.false_shadow + result.accuracy.false_light
+    time_text = f", {1e3 * float(np.median(result.total_seconds)):.1f} ms" if result.total_seconds else ""
+    return f"{wrong} wrong{time_text}"
