@@ -4,12 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_shadow_map import ABOVE, AMONG, PARALLEL, make_frame, ray_traced, scene
 
 from shadowbench.algorithms import ALGORITHMS, embree
 from shadowbench.algorithms.base import Probe
 from shadowbench.algorithms.embree import Embree, Params
 from shadowbench.geometry import ImageSize, Light, Mesh
+from tests.test_shadow_map import ABOVE, AMONG, PARALLEL, make_frame, ray_traced, scene
 
 needs_embreex = pytest.mark.skipif(embree.import_error("embreex") is not None, reason="embreex is not installed")
 needs_open3d = pytest.mark.skipif(embree.import_error("open3d") is not None, reason="Open3D is not installed")
