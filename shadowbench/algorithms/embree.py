@@ -146,7 +146,7 @@ def _build_open3d(vertices: Array, triangles: Array) -> Query:
         far = FAR_LIMIT if ends else float("inf")
         return np.asarray(scene.test_occlusions(rays, tnear=0.0, tfar=far, nthreads=n_threads).numpy())
 
-    query(*np.ones((2, 1, 3), np.float32), True)
+    query(np.ones((1, 3), np.float32), np.ones((1, 3), np.float32), True)
     return query
 
 
@@ -162,7 +162,7 @@ def _build_embreex(vertices: Array, triangles: Array) -> Query:
         # 0 where something is hit, -1 elsewhere
         return np.asarray(answer) >= 0
 
-    query(*np.ones((2, 1, 3), np.float32), True)
+    query(np.ones((1, 3), np.float32), np.ones((1, 3), np.float32), True)
     return query
 
 
