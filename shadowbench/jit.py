@@ -3,7 +3,7 @@
 Three rules keep every count the same on every machine, for every thread count:
 
 * No ``fastmath``, hence no reordered sums and no fused multiply-add: plain IEEE operations, in source order.
-* A parallel kernel is nothing but a ``prange`` over workers whose body *calls one serial kernel*. Each worker
+* A parallel kernel is nothing but a ``prange`` over workers whose body *only calls serial kernels*. Each worker
   owns a disjoint part of the output. Python threads share out the workers: Numba's own parallel loops take several
   times longer to compile, and mis-compile ``is not None`` tests inside them.
 * The counting build and the timing build come from one source: a kernel takes a record of count arrays or the
@@ -75,7 +75,7 @@ kernel: Any = numba.njit(**_OPTIONS)
 
 
 class parallel_kernel:
-    """Decorator of a parallel kernel: one ``prange`` over workers whose body calls one serial kernel.
+    """Decorator of a parallel kernel: one ``prange`` over workers whose body only calls serial kernels.
 
     The function is compiled once, as a serial kernel over a range of workers that holds no lock, and Python threads
     share out the range. So it takes no longer to compile than a serial kernel, and any number of threads will do.
@@ -94,9 +94,10 @@ class parallel_kernel:
         definition = tree.body[0]
         assert isinstance(definition, ast.FunctionDef)
         loop = definition.body[-1]
-        if not (isinstance(loop, ast.For) and isinstance(loop.iter, ast.Call) and len(loop.body) == 1
-                and ast.unparse(loop.iter.func) == "prange" and len(definition.body) - 1 <= _has_docstring(definition)):
-            raise TypeError(f"{function.__name__}: a parallel kernel is one prange whose body calls one serial kernel")
+        if not (isinstance(loop, ast.For) and isinstance(loop.iter, ast.Call) and ast.unparse(loop.iter.func) == "prange"
+                and all(isinstance(line, ast.Expr) and isinstance(line.value, ast.Call) for line in loop.body)
+                and len(definition.body) - 1 <= _has_docstring(definition)):
+            raise TypeError(f"{function.__name__}: a parallel kernel is one prange whose body calls serial kernels")
         # The number of workers, as a function of the arguments.
         count = ast.Expression(ast.Lambda(definition.args, loop.iter.args[0]))
         # The serial kernel: two more arguments, the first worker and the one after the last.

@@ -121,5 +121,5 @@ def test_a_parallel_kernel_is_one_loop_over_workers():
             total += a[i]
         return total
 
-    with pytest.raises(TypeError, match="one prange whose body calls one serial kernel"):
+    with pytest.raises(TypeError, match="one prange whose body calls serial kernels"):
         jit.parallel_kernel(sums)
