@@ -36,7 +36,7 @@ from numba import prange
 from numba.core.event import Event, Listener, register, unregister
 from platformdirs import user_cache_path
 
-__all__ = ["CompileWatch", "cache_folder", "kernel", "parallel_kernel", "prange", "set_threads", "sources_digest"]
+__all__ = ["CompileWatch", "cache_folder", "kernel", "n_threads", "parallel_kernel", "prange", "set_threads", "sources_digest"]
 
 
 def sources_digest() -> str:
@@ -151,6 +151,11 @@ _threads = [len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") els
 @functools.cache
 def _pool(n_threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(n_threads - 1, thread_name_prefix="shadowbench")
+
+
+def n_threads() -> int:
+    """Number of threads that parallel kernels use."""
+    return _threads[0]
 
 
 def set_threads(n_threads: int) -> None:

@@ -37,8 +37,8 @@ def test_agrees_with_float64_but_for_the_bias(backend, light, offset):
         samples = frame.samples._replace(position=frame.samples.position + offset)
         moved = [v + offset * light.position[3] for v in light.position[:3]]
         frame = make_frame(mesh, light, ImageSize(96, 72)).__class__(
-            Mesh.from_arrays(mesh.vertices + offset, mesh.triangles), Light((*moved, light.position[3])), frame.camera,
-            frame.image, samples, frame.bias)
+            Mesh.from_arrays(mesh.vertices + offset, mesh.triangles), Light((*moved, light.position[3])),
+            frame.camera._replace(eye=frame.camera.eye + offset), frame.image, samples, frame.bias)
     shadow = run(frame, backend)
     assert truth.any() and np.mean((shadow == 1) != truth) < 2e-3
 
