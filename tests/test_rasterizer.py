@@ -13,7 +13,7 @@ from scipy.spatial import Delaunay
 
 from shadowbench.geometry import Camera, ImageSize, Light, Mesh
 from shadowbench.kernels.orientation import orient2d, orient2d_exact, two_product, two_sum
-from shadowbench.kernels.projection import View, project, screen_axis
+from shadowbench.kernels.projection import View, clip_near, project, screen_axis
 from shadowbench.kernels.rasterizer import empty_counts, empty_target, rasterize
 from shadowbench.view_samples import camera_view, render_view_samples
 
@@ -285,6 +285,19 @@ def test_fans_around_samples_cover_every_sample_once():
     ring = np.column_stack([3 * np.cos(angles), 3 * np.sin(angles), np.full(720, -1.0)])
     triangles = np.array([[0, 1 + k, 1 + (k + 1) % 720] for k in range(720)])
     assert_single_layer(square_view(1024, 1024), np.concatenate([centre, ring]), triangles)
+
+
+def test_an_edge_is_cut_at_the_same_bits_whichever_way_it_runs():
+    """Reversing a triangle reverses each of its edges, as in the triangle on the other side."""
+    rng = np.random.default_rng(9)
+    vertices = rng.uniform(-3, 3, (600, 3))
+    triangles = np.arange(600, dtype=np.int32).reshape(-1, 3)
+    view, corners = square_view(), []
+    for order in (triangles, triangles[:, ::-1].copy()):
+        mesh, polygon = project(view, vertices, order), np.zeros((4, 3))
+        corners.append([{tuple(c) for c in polygon[:clip_near(view, mesh, t, polygon)]} for t in range(200)])
+    assert sum(any(depth == view.near for *_, depth in polygon) for polygon in corners[0]) > 50
+    assert corners[0] == corners[1]
 
 
 def test_mesh_across_the_near_plane_and_behind_the_eye_has_no_holes():
