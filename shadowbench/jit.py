@@ -36,8 +36,8 @@ from numba import prange
 from numba.core.event import Event, Listener, register, unregister
 from platformdirs import user_cache_path
 
-__all__ = ["CompileWatch", "cache_folder", "inlined_kernel", "kernel", "n_threads", "parallel_kernel", "prange", "set_threads",
-           "sources_digest"]
+__all__ = ["CompileWatch", "cache_folder", "inlined_kernel", "kernel", "n_threads", "parallel_kernel", "prange",
+           "set_threads", "sources_digest"]
 
 
 def sources_digest() -> str:

@@ -16,8 +16,7 @@ open3d : ``RaycastingScene`` of Open3D; uses as many threads as Numba's kernels.
 embreex : thin bindings; one thread.
 
 Accuracy: float32 holds 24 bits, so coordinates are first moved to have the camera's eye as their origin: where pixels
-are small, rounding is too. A ray starts `ORIGIN_OFFSET` of the scene's bias off the surface, along the normal that
-faces the light. The shared definition ignores occluders within the bias; Embree does not, but samples on which that
+are small, rounding is too. A ray starts a little off the surface (`ORIGIN_OFFSET`), along the normal that faces the light. The shared definition ignores occluders within the bias; Embree does not, but samples on which that
 matters are ambiguous, so such differences are edge ties. It ends `FAR_LIMIT` of the
 way to a point light, so that geometry at the light itself does not count. Rays that pass near an edge, and surfaces
 that meet at an angle within the bias, may be answered differently from the truth, and differently between versions
@@ -44,9 +43,10 @@ Array = NDArray[Any]
 Query = Callable[[Array, Array, bool], NDArray[np.bool_]]
 """Takes origins and directions, float32 (n_rays, 3), and whether the light lies at their ends; tells what is hit."""
 
-ORIGIN_OFFSET = 2.0**-8
-"""Distance of a ray's start from the surface, in units of the scene's bias: as small as float32 allows, since it moves
-the ray sideways past the edges of occluders too (a whole bias is a twentieth of a pixel on the built-in scenes)."""
+ORIGIN_OFFSET = 2.0**-21
+"""Distance of a ray's start from the surface, relative to the largest coordinate of the sample's triangle: four units
+of float32 in the last place, as small as self-intersection allows, since it moves the ray sideways past the edges
+of occluders too (a whole bias would be a twentieth of a pixel on the built-in scenes)."""
 FAR_LIMIT = 1.0 - 2.0**-20
 """End of a ray to a point light, as a share of the distance: 16 units of float32 in the last place before it."""
 
@@ -103,7 +103,7 @@ class Embree(Algorithm):
             query = _BUILDERS[self._backend()](vertices, frame.mesh.triangles) if len(candidates) else None
         with probe.stage("trace"):
             if query is not None:
-                origin, direction = _rays(frame, candidates, eye)
+                origin, direction = _rays(frame, candidates, eye, vertices)
                 shadow[candidates] = query(origin, direction, not frame.light.is_directional)
         probe.count("rays_cast", len(candidates))
         probe.memory("mesh and rays handed over", vertices.nbytes + frame.mesh.triangles.nbytes + 24 * len(candidates))
@@ -125,10 +125,12 @@ class Embree(Algorithm):
         return f"{backend} cannot be imported ({error}): {remedy}"
 
 
-def _rays(frame: Frame, candidates: NDArray[np.intp], eye: Array) -> tuple[Array, Array]:
+def _rays(frame: Frame, candidates: NDArray[np.intp], eye: Array, vertices: Array) -> tuple[Array, Array]:
     """Origins and directions; a direction to a point light is as long as the way to it."""
     position, normal = frame.samples.position[candidates], frame.samples.normal[candidates]
-    origin = (position + ORIGIN_OFFSET * frame.bias * normal - eye).astype(np.float32)
+    magnitude = np.abs(vertices).max(axis=1)[frame.mesh.triangles].max(axis=1)[frame.samples.triangle[candidates]]
+    offset = ORIGIN_OFFSET * magnitude.astype(np.float64)
+    origin = (position + offset[:, None] * normal - eye).astype(np.float32)
     light = frame.light.xyzw()
     if frame.light.is_directional:
         return origin, np.broadcast_to(light[:3], origin.shape).astype(np.float32)

@@ -280,7 +280,8 @@ def traverse(tree, frusta, planes, depth, shadow, counts):
         return
     tests = RootTests(np.empty(n_frusta, np.uint64), np.empty(n_frusta, np.uint64))
     _test_root(tree, frusta, planes, tests)
-    _traverse_tiles(int(tree.levels[0]["grid_x"] * tree.levels[0]["grid_y"]), tree, frusta, planes, tests, depth, shadow, counts)
+    n_tiles = int(tree.levels[0]["grid_x"]) * int(tree.levels[0]["grid_y"])
+    _traverse_tiles(n_tiles, tree, frusta, planes, tests, depth, shadow, counts)
     if counts is not None:
         counts.visits[0] = n_frusta
 
