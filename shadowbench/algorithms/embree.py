@@ -16,11 +16,11 @@ open3d : ``RaycastingScene`` of Open3D; uses as many threads as Numba's kernels.
 embreex : thin bindings; one thread.
 
 Accuracy: float32 holds 24 bits, so coordinates are first moved to have the camera's eye as their origin: where pixels
-are small, rounding is too. A ray starts a little off the surface (`ORIGIN_OFFSET`), along the normal that faces the light. The shared definition ignores occluders within the bias; Embree does not, but samples on which that
-matters are ambiguous, so such differences are edge ties. It ends `FAR_LIMIT` of the
-way to a point light, so that geometry at the light itself does not count. Rays that pass near an edge, and surfaces
-that meet at an angle within the bias, may be answered differently from the truth, and differently between versions
-and processors.
+are small, rounding is too. A ray starts a little off the surface (`ORIGIN_OFFSET`), along the normal that faces the
+light. The shared definition ignores occluders within the bias; Embree does not, but samples on which that matters
+are ambiguous, so such differences are edge ties. A ray ends `FAR_LIMIT` of the way to a point light, so that
+geometry at the light itself does not count. Rays that pass near an edge may be answered differently from the truth,
+and differently between versions and processors.
 """
 
 from __future__ import annotations
