@@ -140,6 +140,7 @@ def list_command(kind: str, as_json: bool) -> None:
     """List algorithms, built-in scenes or counters."""
     from shadowbench.counters import ALL_COUNTERS
 
+    rows: list[dict[str, Any]]
     if kind == "algorithms":
         rows = [{"name": a.name, "paper": a.paper, "exact": a.exact, "summary": a.summary} for a in ALL_ALGORITHMS]
     elif kind == "scenes":

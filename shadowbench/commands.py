@@ -6,19 +6,25 @@ import difflib
 import inspect
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from shadowbench.algorithm_specs import parse_algorithm_spec, validate_params
 from shadowbench.algorithms import ALGORITHMS, ALL_ALGORITHMS
 from shadowbench.algorithms.base import AlgorithmParams
-from shadowbench.cli import EXIT_SOME_FAILED
-from shadowbench.config import parse_algorithm_spec, resolved_yaml, template, validate_params
+from shadowbench.cli import EXIT_INTERRUPTED, EXIT_SOME_FAILED
+from shadowbench.config import load_config, resolved_yaml
 from shadowbench.errors import InputError
 from shadowbench.progress import Progress
 from shadowbench.report.table import format_table, summary
 from shadowbench.results import RunFolder, RunFolderError, check_writable, default_folder, read_run
 from shadowbench.scenes import ALL_SCENES, SCENES
+from shadowbench.templates import template
+
+if TYPE_CHECKING:
+    from shadowbench.plan import Cell, RunOptions
+    from shadowbench.scenes.loader import Scene
 
 QUICK_HEIGHT = 256
 """Largest image height of ``run --quick``."""
@@ -28,29 +34,31 @@ def run(argv: list[str], *, scenes: tuple[str, ...], specs: tuple[str, ...], ove
         frames: slice | None, size: tuple[int, int] | None, repeats: int | None, threads: int | None,
         out: Path | None, only: frozenset[str] | None, quick: bool, dry_run: bool, keep_going: bool) -> int:
     """Run every scene, each into its own folder; return the worst exit code."""
-    from shadowbench import runner
+    from shadowbench import plan
     from shadowbench.scenes.loader import load_scene
 
     changes = list(overrides)
     if size is not None:
         changes += [f"image.width={size[0]}", f"image.height={size[1]}"]
     chosen = [parse_algorithm_spec(spec) for spec in specs]
+    for name, params in chosen:
+        validate_params(name, params)
     loaded = [load_scene(name, changes, quick_height=QUICK_HEIGHT if quick else None) for name in scenes]
     folders = _folders(out, [scene.name for scene in loaded])
     codes = []
     for scene, folder in zip(loaded, folders, strict=True):
         numbers = range(scene.n_frames)[frames or slice(None)]
-        options = runner.RunOptions(tuple(numbers[:1] if quick else numbers), repeats or (1 if quick else 3),
-                                    threads or len(os.sched_getaffinity(0)), only or runner.EVERYTHING, keep_going)
+        options = plan.RunOptions(tuple(numbers[:1] if quick else numbers), repeats or (1 if quick else 3),
+                                    threads or len(os.sched_getaffinity(0)), only or plan.EVERYTHING, keep_going)
         if not options.frames:
             raise InputError(f"{scene.name} has {scene.n_frames} frame(s): --frames selects none of them")
-        cells = runner.plan(scene, _selections(scene, chosen), options.frames)
+        cells = plan.plan_cells(scene, _selections(scene, chosen), options.frames)
         if dry_run:
             click.echo(_list_cells(scene, cells))
             codes.append(0)
         else:
             codes.append(_run_scene(scene, cells, options, folder, argv))
-            if codes[-1] == 130:
+            if codes[-1] == EXIT_INTERRUPTED:
                 break
     return max(codes)
 
@@ -68,31 +76,32 @@ def _folders(out: Path | None, names: list[str]) -> list[Path]:
     return folders
 
 
-def _selections(scene: Any, chosen: list[tuple[str, dict[str, Any]]]) -> list[tuple[str, AlgorithmParams]]:
-    """Decide which algorithms run: those asked for, else the scene's, else all."""
-    from shadowbench.runner import sweep
+def _selections(scene: Scene, chosen: list[tuple[str, dict[str, Any]]]) -> list[tuple[str, AlgorithmParams]]:
+    """Decide which algorithms run: those asked for, or all, each swept over its axes of the scene's matrix."""
+    from shadowbench.plan import sweep
 
     wanted = chosen or scene.config.selections() or [(entry.name, {}) for entry in ALL_ALGORITHMS]
     return [(name, validate_params(name, params)) for name, params in sweep(wanted, scene.config.matrix)]
 
 
-def _list_cells(scene: Any, cells: list[Any]) -> str:
+def _list_cells(scene: Scene, cells: list[Cell]) -> str:
     """Text of ``--dry-run``."""
     rows = [(str(cell.frame), cell.label, cell.algorithm.unsupported(scene) or "will run") for cell in cells]
     return f"{scene.name}: {len(cells)} cells\n" + format_table(("frame", "method", ""), rows)
 
 
-def _run_scene(scene: Any, cells: list[Any], options: Any, path: Path, argv: list[str]) -> int:
+def _run_scene(scene: Scene, cells: list[Cell], options: RunOptions, path: Path, argv: list[str]) -> int:
     """Run one scene and print its table and where everything is."""
-    from shadowbench import runner
+    from shadowbench.plan import describe
+    from shadowbench.runner import Runner
 
-    folder = RunFolder(path, runner.describe(scene, options, ["shadowbench", *argv]), len(cells))
+    folder = RunFolder(path, describe(scene, options, ["shadowbench", *argv]), len(cells))
     try:
         folder.write_text("config.input.yaml", scene.text)
         folder.write_text("config.resolved.yaml", resolved_yaml(scene.config))
         with Progress(len(cells)) as progress:
             progress.note(f"{scene.name}: {len(cells)} cells, {options.threads} thread(s)")
-            result = runner.Runner(scene, cells, options, folder, progress).run()
+            result = Runner(scene, cells, options, folder, progress).run()
     except RunFolderError as error:
         click.echo(f"error: {error}", err=True)
         return EXIT_SOME_FAILED
@@ -122,8 +131,6 @@ def describe_algorithm(name: str) -> str:
 
 def describe_scene(name: str) -> str:
     """A built-in scene's summary, or a scene file with every default filled in."""
-    from shadowbench.config import load_config
-
     if name in SCENES:
         entry = SCENES[name]
         return f"{entry.name}: {entry.summary}\n{entry.triangles} triangles unless said otherwise\n\n" + template(name)

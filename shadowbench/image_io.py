@@ -52,7 +52,7 @@ def write_exr(path: Path, channels: dict[str, NDArray]) -> None:
         else:
             pixels[..., i] = values
             formats.append("float")
-    spec = oiio.ImageSpec(columns, rows, len(names), "float")
+    spec = oiio.ImageSpec(columns, rows, len(names), "uint" if set(formats) == {"uint"} else "float")
     spec.channelnames = tuple(names)
     spec.channelformats = tuple(oiio.TypeDesc(f) for f in formats)
     spec.attribute("compression", "zip:1")
@@ -91,7 +91,10 @@ def read_exr(path: Path) -> dict[str, NDArray]:
     channels = {}
     for i, (name, stored) in enumerate(zip(spec.channelnames, formats, strict=True)):
         kind = "uint" if str(stored) == "uint" else "float"
-        channels[name] = image.read_image(0, 0, i, i + 1, kind)[..., 0]
+        pixels = image.read_image(0, 0, i, i + 1, kind)
+        if pixels is None:
+            raise OSError(f"cannot read {path}: {image.geterror()}")
+        channels[name] = pixels[..., 0]
     image.close()
     return channels
 
@@ -101,16 +104,17 @@ def read_png(path: Path) -> NDArray[np.uint8]:
     image = oiio.ImageInput.open(str(path))
     if image is None:
         raise OSError(f"cannot read {path}: {oiio.geterror()}")
-    pixels: NDArray[np.uint8] = image.read_image("uint8")
+    pixels = image.read_image("uint8")
+    if pixels is None:
+        raise OSError(f"cannot read {path}: {image.geterror()}")
     image.close()
-    return pixels
+    return pixels.astype(np.uint8, copy=False)
 
 
 def color_ramp(name: str, n_colors: int = 256) -> NDArray[np.float32]:
     """Colours of a named map (``inferno``, ``viridis``, ...), linear RGB float32 (n_colors, 3), dark to light."""
     ramp = oiio.ImageBuf(np.linspace(0.0, 1.0, n_colors, dtype=np.float32).reshape(1, n_colors, 1))
-    colors: NDArray[np.float32] = oiio.ImageBufAlgo.color_map(ramp, 0, name).get_pixels(oiio.FLOAT)[0]
-    return colors
+    return np.asarray(oiio.ImageBufAlgo.color_map(ramp, 0, name).get_pixels(oiio.FLOAT), np.float32)[0]
 
 
 def draw_text(pixels: NDArray[np.uint8], x: int, y: int, text: str, size: int,
@@ -121,5 +125,4 @@ def draw_text(pixels: NDArray[np.uint8], x: int, y: int, text: str, size: int,
     """
     buffer = oiio.ImageBuf(np.ascontiguousarray(pixels))
     oiio.ImageBufAlgo.render_text(buffer, x, y, text, size, "", color)
-    drawn: NDArray[np.uint8] = buffer.get_pixels(oiio.UINT8)
-    return drawn
+    return np.asarray(buffer.get_pixels(oiio.UINT8), np.uint8)

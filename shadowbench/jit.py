@@ -22,7 +22,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import llvmlite
 import numba
@@ -31,7 +31,8 @@ from numba import prange
 from numba.core.event import Event, Listener, register, unregister
 from platformdirs import user_cache_path
 
-__all__ = ["CompileWatch", "cache_folder", "kernel", "parallel_kernel", "prange", "set_threads", "sources_digest"]
+__all__ = ["CompileWatch", "cache_folder", "inlined_kernel", "kernel", "parallel_kernel", "prange", "set_threads",
+           "sources_digest", "threading_layer"]
 
 
 def sources_digest() -> str:
@@ -73,14 +74,26 @@ def set_threads(n_threads: int) -> None:
     numba.set_parallel_chunksize(1)
 
 
-numba.config.CACHE_DIR = str(cache_folder())
+def threading_layer() -> str | None:
+    """Name of the threading layer that Numba chose, or None before the first parallel kernel ran."""
+    try:
+        return str(numba.threading_layer())
+    except ValueError:
+        return None
 
-_OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": False}
 
-kernel = numba.njit(**_OPTIONS)
+setattr(numba.config, "CACHE_DIR", str(cache_folder()))    # noqa: B010  numba.config has no type stubs
+
+_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": False}
+
+kernel: Any = numba.njit(**_OPTIONS)
 """Decorator of a serial kernel."""
 
-parallel_kernel = numba.njit(parallel=True, **_OPTIONS)
+inlined_kernel: Any = numba.njit(inline="always", **_OPTIONS)
+"""Decorator of a part of a serial kernel: its statements are copied into every caller. A call that passes a record
+takes and drops a reference count per array of the record, which in an inner loop costs more than the work."""
+
+parallel_kernel: Any = numba.njit(parallel=True, **_OPTIONS)
 """Decorator of a parallel kernel: one ``prange`` whose body calls one serial kernel."""
 
 

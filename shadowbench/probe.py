@@ -82,8 +82,8 @@ class Probe:
     def count_samples(self, tests: NDArray[np.integer]) -> None:
         """Add to the heat map: tests per view sample, int (n_samples,)."""
         if self.counting:
-            tests = np.asarray(tests, np.int64)
-            self.heat = tests if self.heat is None else self.heat + tests
+            added = tests.astype(np.int64)
+            self.heat = added if self.heat is None else self.heat + added
 
     def memory(self, name: str, n_bytes: int) -> None:
         """Record the size of a structure that lives during the frame."""

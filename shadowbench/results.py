@@ -45,6 +45,8 @@ class AccuracyRecord(BaseModel):
     false_shadow: int
     false_light: int
     edge_tie: int
+    caster_difference: int | None = Field(
+        None, description="samples whose answer changes because only some triangles cast; None if all do")
 
 
 class CellResult(BaseModel):
@@ -193,7 +195,7 @@ def tables(cells: list[CellResult]) -> tuple[str, str]:
     for cell in cells:
         if cell.accuracy is not None and cell.algorithm not in PEERS:    # a peer's answers depend on the machine
             counts += [(cell.scene, cell.frame, cell.algorithm, cell.label, name, value)
-                       for name, value in cell.accuracy.model_dump().items()]
+                       for name, value in cell.accuracy.model_dump(exclude_none=True).items()]
     timings = [(c.scene, c.frame, c.algorithm, c.label, stage, repeat, f"{seconds:.9f}") for c in cells
                for stage, values in [*c.stages.items(), ("total", c.total_seconds)]
                for repeat, seconds in enumerate(values)]

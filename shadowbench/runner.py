@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -18,55 +18,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench import accuracy, environment, jit
-from shadowbench.algorithms import ALGORITHMS
-from shadowbench.algorithms.base import Algorithm, AlgorithmParams, ShadowBuffer
+from shadowbench import accuracy, jit
+from shadowbench.algorithms.base import Algorithm, ShadowBuffer
 from shadowbench.algorithms.reference import reference_frame
 from shadowbench.geometry import Frame
+from shadowbench.plan import Cell, RunOptions
 from shadowbench.probe import Probe
 from shadowbench.progress import Progress
 from shadowbench.report import pictures
 from shadowbench.report.html import write_report
-from shadowbench.results import AccuracyRecord, CellResult, RunFolder, make_key, make_label
+from shadowbench.results import AccuracyRecord, CellResult, RunFolder, RunStatus
 from shadowbench.scenes.loader import Scene
 from shadowbench.view_samples import render_view_samples
-
-EVERYTHING = frozenset({"counts", "timings", "images"})
-
-
-@dataclass(frozen=True)
-class RunOptions:
-    """How to run.
-
-    Attributes
-    ----------
-    frames : frame numbers.
-    repeats : timed executions per cell.
-    threads : threads of the kernels.
-    only : subset of "counts", "timings", "images" to produce.
-    keep_going : True to go on after a failed cell.
-    """
-
-    frames: tuple[int, ...]
-    repeats: int = 3
-    threads: int = 1
-    only: frozenset[str] = EVERYTHING
-    keep_going: bool = True
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One measurement to make."""
-
-    frame: int
-    algorithm: Algorithm
-    label: str
-    key: str
-
-    @property
-    def name(self) -> str:
-        """The algorithm's id."""
-        return self.algorithm.name
 
 
 @dataclass
@@ -108,30 +71,6 @@ class StopRun(Exception):
     """Raised to end a run early because a cell failed and `RunOptions.keep_going` is False."""
 
 
-def plan(scene: Scene, selections: Iterable[tuple[str, AlgorithmParams]], frames: Iterable[int]) -> list[Cell]:
-    """List the cells of a run, frame by frame, without repeats."""
-    digest = jit.sources_digest()
-    algorithms: dict[str, Algorithm] = {}
-    for name, params in selections:
-        changed = params.model_dump(exclude_defaults=True)
-        algorithms.setdefault(make_label(name, changed), ALGORITHMS[name].load()(params))
-    return [Cell(frame, algorithm, label,
-                 make_key(sources=digest, scene=scene.config.model_dump(mode="json"), meshes=scene.digests, frame=frame,
-                          algorithm=algorithm.name, params=algorithm.params.model_dump(mode="json")))
-            for frame in frames for label, algorithm in algorithms.items()]
-
-
-def sweep(selections: Iterable[tuple[str, dict[str, Any]]], matrix: dict[str, list[Any]]
-          ) -> list[tuple[str, dict[str, Any]]]:
-    """Expand ``matrix`` axes named ``algorithm.parameter`` into one selection per combination of values."""
-    expanded = []
-    for name, params in selections:
-        axes = {key.partition(".")[2]: values for key, values in matrix.items() if key.partition(".")[0] == name}
-        for values in itertools.product(*axes.values()):
-            expanded.append((name, {**params, **dict(zip(axes, values, strict=True))}))
-    return expanded
-
-
 class Runner:
     """Carries out the cells of one scene.
 
@@ -150,10 +89,11 @@ class Runner:
         self.seconds: dict[str, float] = {"compilation": 0.0, "prepare": 0.0, "view_samples": 0.0, "reference": 0.0,
                                           "cells": 0.0, "images": 0.0}
         self._prepared: dict[str, tuple[Any, Any]] = {}
+        self._announced: set[str] = set()
 
     def run(self) -> RunSummary:
         """Run everything that is planned; on Ctrl-C keep what is finished."""
-        status = "done"
+        status: RunStatus = "done"
         jit.set_threads(self.options.threads)
         try:
             for frame, cells in itertools.groupby(self.cells, key=lambda cell: cell.frame):
@@ -165,16 +105,18 @@ class Runner:
         if status == "done" and any(cell.status == "failed" for cell in self.folder.cells):
             status = "partial"
         self.folder.write_tables()
-        self.folder.write_status(status, warnings=self.summary.warnings,
+        self.folder.write_status(status, warnings=self.summary.warnings, threading_layer=jit.threading_layer(),
                                  seconds={name: round(value, 6) for name, value in self.seconds.items()})
         write_report(self.folder)
         return self.summary
 
     @contextmanager
-    def _clock(self, name: str) -> Iterator[None]:
+    def _clock(self, name: str, what: str = "") -> Iterator[None]:
         """Add the time spent inside to `seconds`, and time spent compiling to "compilation" instead."""
         def announce() -> None:
-            self.progress.note(f"compiling kernels for {name} (kept for later runs)")
+            if (what or name) not in self._announced:
+                self._announced.add(what or name)
+                self.progress.note(f"compiling kernels for {what or name} (once; they are kept for later runs)")
 
         start = time.perf_counter()
         with jit.CompileWatch(announce) as watch:
@@ -228,22 +170,26 @@ class Runner:
         """Fill in counts, accuracy, timings and pictures."""
         algorithm = cell.algorithm
         compiled_before = self.seconds["compilation"]
-        with self._clock("prepare"):
+        with self._clock("prepare", cell.label):
             frame = self._prepare(cell, frame)
-        with self._clock("cells"):
+        with self._clock("cells", cell.label):
             probe = Probe(counting=True)
             buffer = algorithm.shadows(frame, probe)
         _check_buffer(buffer, frame)
-        truth = self._truth(frame, algorithm.casters(frame), truths)
+        casters = algorithm.casters(frame)
+        truth = self._truth(frame, casters, truths)
         errors = accuracy.classify(buffer.shadow, truth.shadow, truth.ambiguous, frame.samples.candidate)
         measured = accuracy.measure(buffer.shadow, errors, truth.ambiguous, frame.samples.candidate)
         result.accuracy = AccuracyRecord(**asdict(measured))
+        if casters is not None:
+            everything = self._truth(frame, None, truths)
+            result.accuracy.caster_difference = int(np.count_nonzero(truth.shadow != everything.shadow))
         if algorithm.exact and measured.wrong:
             self._warn(f"frame {cell.frame}: {cell.label} is meant to be exact but has {measured.wrong} wrong samples")
         if "counts" in self.options.only:
             result.counts, result.levels = probe.all_counts(), probe.levels
         if "timings" in self.options.only:
-            with self._clock("cells"):
+            with self._clock("cells", cell.label):
                 self._repeat(algorithm, frame, buffer, result)
         result.memory_bytes = probe.memory_bytes
         result.jit_seconds = round(self.seconds["compilation"] - compiled_before, 6)
@@ -308,14 +254,3 @@ def _outcome(result: CellResult) -> str:
     wrong = result.accuracy.false_shadow + result.accuracy.false_light
     time_text = f", {1e3 * float(np.median(result.total_seconds)):.1f} ms" if result.total_seconds else ""
     return f"{wrong} wrong{time_text}"
-
-
-def describe(scene: Scene, options: RunOptions, argv: list[str]) -> dict[str, Any]:
-    """Fields of run.json that are known before the run."""
-    return {"argv": argv, "scene": scene.name, "scene_file": None if scene.path is None else str(scene.path),
-            "digests": scene.digests, "image": asdict(scene.image), "bias": scene.bias,
-            "frames": list(options.frames), "repeats": options.repeats, "only": sorted(options.only),
-            "threads": options.threads, "threading_layer": jit.threading_layer(),
-            "seeds": [entry.seed for entry in scene.config.geometry if getattr(entry, "seed", None) is not None],
-            "packages": environment.package_versions(), "git": environment.git_state(),
-            "processor": environment.processor()}

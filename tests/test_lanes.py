@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -15,13 +16,24 @@ from shadowbench.kernels import lanes
 SIXTY_FOUR = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
+class Planes(NamedTuple):
+    rows: np.ndarray
+
+
+class Boxes(NamedTuple):
+    n_chunks: int
+    y: np.ndarray
+    x: np.ndarray
+    r: np.ndarray
+
+
 @kernel
-def run_all(rows, row, x, x0, x_step, y, y0, r, r0, n_chunks, alive):
-    eye = lanes.outside_eye_planes(rows, row, x, x0, x_step, y, y0, r, r0, n_chunks, alive)
-    wedge = lanes.outside_wedge_planes(rows, row, x, x0, x_step, y, y0, r, r0, n_chunks, alive)
-    boxes = lanes.classify_boxes(rows, row, x, x0, x_step, y, y0, r, r0, n_chunks, alive)
-    samples = lanes.classify_samples(rows, row, x, x0, x_step, y, y0, r, r0, n_chunks, alive)
-    return eye, wedge, boxes[0], boxes[1], samples[0], samples[1]
+def run_all(planes, row, boxes, x0, x_step, y0, r0, alive):
+    eye = lanes.outside_eye_planes(planes, row, boxes, x0, x_step, y0, r0, alive)
+    wedge = lanes.outside_wedge_planes(planes, row, boxes, x0, x_step, y0, r0, alive)
+    outside, partial = lanes.classify_boxes(planes, row, boxes, x0, x_step, y0, r0, alive)
+    samples = lanes.classify_samples(planes, row, boxes, x0, x_step, y0, r0, alive)
+    return eye, wedge, outside, partial, samples[0], samples[1]
 
 
 def to_mask(flags):
@@ -70,7 +82,8 @@ def example(seed, n_chunks, shared_x):
     stored = [np.concatenate([pad[:k + 1], *([v[: lanes.LANES] for v in box] if shared_x and k == 0 else box)])
               for k, box in enumerate(boxes)]
     flat = np.concatenate([pad, rows.reshape(-1)])
-    arguments = (flat, 3, stored[0], 1, 0 if shared_x else lanes.LANES, stored[1], 2, stored[2], 3, n_chunks)
+    x, y, r = stored
+    arguments = (Planes(flat), 3, Boxes(n_chunks, y, x, r), 1, 0 if shared_x else lanes.LANES, 2, 3)
     return rows, boxes, arguments
 
 

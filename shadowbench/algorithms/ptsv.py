@@ -7,7 +7,7 @@ text is right: a tile is accepted only if its accept corner is inside all planes
 
 from __future__ import annotations
 
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray

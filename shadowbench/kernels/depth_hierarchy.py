@@ -12,10 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import inlined_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.lanes import LANES
 
-TILE_GRIDS = {4: ((2, 2), (2, 2)), 8: ((4, 2), (2, 4)), 16: ((4, 4), (4, 4)), 32: ((8, 4), (4, 8)), 64: ((8, 8), (8, 8))}
+TILE_GRIDS = {4: ((2, 2), (2, 2)), 8: ((4, 2), (2, 4)), 16: ((4, 4), (4, 4)), 32: ((8, 4), (4, 8)),
+              64: ((8, 8), (8, 8))}
 """Columns and rows of children per branching factor: of the last level, and of the one above; further up in turn."""
 
 N_WORKERS = 32
@@ -136,13 +137,13 @@ def build_tile_tree(depth, included, plane_x, plane_y, branching):
     return tree, float(bounds.high[0]) if tree.occupied[0] else 0.0
 
 
-@kernel
+@inlined_kernel
 def samples_offset(tree, tile):
     """Where the coordinates r of a tile's samples start in `TileTree.r`; `tile` counts within the last level."""
     return tree.n_chunks * LANES * (2 * tree.levels[-1].first + tile)
 
 
-@kernel
+@inlined_kernel
 def _fill_tile_row(tree, row, depth, included, bounds):
     """Fill one row of tiles of the last level."""
     level = tree.levels[-1]

@@ -15,9 +15,11 @@ in the same order a row's value at the reject corner is at most its value at any
 corner at least. Whatever a box's test decides beyond `UNDECIDED`, the test of each of its samples would have decided:
 boxes need no margin.
 
-**Layout.** A group has ``n_chunks`` chunks of `LANES` lanes. Coordinates y and r hold one value per lane at their
-offset; a box's largest values follow its smallest ones, ``n_chunks * LANES`` further on. With ``x_step = LANES`` so
-does x; with ``x_step = 0`` all chunks share `LANES` values of x, and the largest ones follow `LANES` further on.
+**Layout.** Tests take a record with the array ``rows`` and the place of the first row, and a record with the arrays
+``x``, ``y`` and ``r``, the places of the group's coordinates in them, and the number ``n_chunks``. A group has that
+many chunks of `LANES` lanes. Coordinates y and r hold one value per lane; a box's largest values follow its smallest
+ones, ``n_chunks * LANES`` further on. With ``x_step = LANES`` so does x; with ``x_step = 0`` all chunks share `LANES`
+values of x, and the largest ones follow `LANES` further on.
 """
 
 import struct
@@ -93,6 +95,12 @@ class _Rows:
         return value if self.n_coordinates == 2 else b.fadd(value, b.fmul(cr, coordinates[2]))
 
 
+def _array(context, builder, record, value, field):
+    """Data pointer of an array in a record. Taken here, it costs no reference count, unlike in a kernel."""
+    index = record.fields.index(field)
+    return context.make_array(record.types[index])(context, builder, builder.extract_value(value, index)).data
+
+
 class _Axis(NamedTuple):
     """Where one coordinate of a group lies: stride from smallest to largest values, step from chunk to chunk."""
 
@@ -108,7 +116,9 @@ def _largest(builder, rows, axes, chunk, accept):
     for row in range(len(rows.coefficients)):
         coordinates = []
         for j, axis in enumerate(axes):
-            offset = axis.offset if accept is None else builder.add(axis.offset, rows.corner(row, j, accept, axis.stride))
+            offset = axis.offset
+            if accept is not None:
+                offset = builder.add(offset, rows.corner(row, j, accept, axis.stride))
             coordinates.append(_load(builder, axis.data, builder.add(offset, builder.mul(chunk, axis.step))))
         largest = _larger(builder, largest, rows.value(row, coordinates))
     return largest
@@ -139,19 +149,20 @@ def _make_test(n_rows, n_coordinates, corners, conditions):
     returned = types.UniTuple(types.uint64, len(conditions)) if len(conditions) > 1 else types.uint64
 
     @intrinsic
-    def test_group(typing_context, rows, row, x, x0, x_step, y, y0, r, r0, n_chunks, alive):
-        signature = returned(rows, types.int64, x, types.int64, types.int64, y, types.int64, r, types.int64,
-                             types.int64, types.uint64)
+    def test_group(typing_context, planes, row, boxes, x0, x_step, y0, r0, alive):
+        signature = returned(planes, types.int64, boxes, types.int64, types.int64, types.int64, types.int64,
+                             types.uint64)
 
         def codegen(context, builder, signature, args):
-            data = [context.make_array(signature.args[k])(context, builder, args[k]).data for k in (0, 2, 5, 7)]
-            _, row, _, x0, x_step, _, y0, _, r0, n_chunks, alive = args
-            plane_rows = _Rows(builder, data[0], row, n_rows, n_coordinates)
+            planes, row, boxes, x0, x_step, y0, r0, alive = args
+            rows = _array(context, builder, signature.args[0], planes, "rows")
+            x, y, r = (_array(context, builder, signature.args[2], boxes, name) for name in "xyr")
+            n_chunks = builder.extract_value(boxes, signature.args[2].fields.index("n_chunks"))
+            plane_rows = _Rows(builder, rows, row, n_rows, n_coordinates)
             lanes = builder.mul(n_chunks, _int64(LANES))
             shared = builder.icmp_signed("==", x_step, _int64(0))
-            axes = [_Axis(data[1], x0, builder.select(shared, _int64(LANES), lanes), x_step),
-                    _Axis(data[2], y0, lanes, _int64(LANES)),
-                    _Axis(data[3], r0, lanes, _int64(LANES))][:n_coordinates]
+            axes = [_Axis(x, x0, builder.select(shared, _int64(LANES), lanes), x_step),
+                    _Axis(y, y0, lanes, _int64(LANES)), _Axis(r, r0, lanes, _int64(LANES))][:n_coordinates]
             compare = [(c, _splat(builder, ir.Constant(_FLOAT, float32(t))), v) for c, t, v in conditions]
 
             def body(chunk):

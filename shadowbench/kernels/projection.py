@@ -140,6 +140,8 @@ def _project_all(view, mesh):
 
 def project(view: View, vertices: FloatArray, triangles: NDArray[np.int32]) -> ProjectedMesh:
     """Transform and project every vertex once."""
+    # Read-only arrays are copied: Numba would compile every kernel a second time for their type
+    vertices, triangles = np.require(vertices, requirements="CW"), np.require(triangles, requirements="CW")
     mesh = ProjectedMesh(vertices, triangles, np.empty((len(vertices), 3)), np.empty((len(vertices), 3)))
     _project_all(view, mesh)
     return mesh

@@ -32,7 +32,7 @@ from shadowbench.kernels.triangle_setup import empty_pieces, set_up_pieces
 _BAND_STRIDE = 27
 """Coprime to N_BANDS: neighbouring workers get bands far apart, so each thread sees all parts of the screen."""
 
-Counts2D = NDArray[np.int64]
+Counts2D = NDArray[np.int32]
 
 
 class Target(NamedTuple):
@@ -53,8 +53,8 @@ class RasterCounts(NamedTuple):
 
     Attributes
     ----------
-    fragments : int64 (rows, columns), triangles that cover the sample.
-    written : int64 (rows, columns), times that the sample took a nearer surface.
+    fragments : int32 (rows, columns), triangles that cover the sample.
+    written : int32 (rows, columns), times that the sample took a nearer surface.
     """
 
     fragments: Counts2D
@@ -68,7 +68,7 @@ def empty_target(view: View) -> Target:
 
 def empty_counts(view: View) -> RasterCounts:
     """Make count arrays that are all zero."""
-    return RasterCounts(np.zeros(view.shape, np.int64), np.zeros(view.shape, np.int64))
+    return RasterCounts(np.zeros(view.shape, np.int32), np.zeros(view.shape, np.int32))
 
 
 def rasterize(view: View, vertices: FloatArray, triangles: NDArray[np.int32], target: Target,

@@ -2,34 +2,35 @@
 
 **Space.** Relative to the eye a point is ``depth (forward + x right + y up)``. In (x, y, r = 1 / depth), the space
 ``_proj``, a world plane ``m . (p - v)`` is still a plane: divided by the depth it reads ``a x + b y + c r + d`` with
-``a = m . right``, ``b = m . up``, ``d = m . forward`` and ``c = -m . (v - eye)``, its value at the eye. No near plane is
-involved, and since all differences are taken from world coordinates first, a scene far from the origin loses nothing.
+``a = m . right``, ``b = m . up``, ``d = m . forward`` and ``c = -m . (v - eye)``, its value at the eye. There is no
+near plane, and since all differences are taken from world coordinates first, a scene far from the origin loses
+nothing.
 
 **Rows.** Positive is outside. Rows 0 to 2 are the side planes through the light and an edge, 3 is the cap plane moved
 back by the bias, 4 to 6 are wedge planes, 7 to 12 are planes through the eye; unused rows are -1 everywhere.
 Two triangles that share an edge get exactly opposite side planes, since the edge's vertices are taken in
 lexicographic order and only the sign differs (Sintorn et al. 2011, sec. 3).
 
-**Planes through the eye.** A shadow frustum is a convex body with nine edges: three of the triangle, three rays from its
-vertices away from the light, and three at infinity. Seen from the eye its outline consists of the edges between a
+**Planes through the eye.** A shadow frustum is a convex body with nine edges: three of the triangle, three rays from
+its vertices away from the light, and three at infinity. Seen from the eye its outline consists of the edges between a
 face that the eye is outside of and one that it is inside of, and the plane through the eye and such an edge bounds
 the body. All of them are the *outline* planes; the two (at most) through rays are the *silhouette* planes of
 Sintorn et al. 2011, sec. 3.5. The *wedge* planes of Sintorn et al. 2014 contain the light and a vertex.
 
-**Why a culling plane never rejects a sample of the frustum.** A sample p of the frustum is ``v' + t e'``, v' on the triangle
-(a convex combination of its vertices v, seen from the eye), e' from the light to v' (of the e) and t >= 0. Let V and
-E be the largest |v| and |e|, h <= |e'| the light's distance from the triangle's plane, and suppose that a unit normal m
-has ``m . v <= tau V`` and ``m . e <= tau |e|`` for every vertex. As ``t |e'| = |p - v'| <= |p| + V``, the value over the depth is at
-most ``tau (V R + (l + V R) E / h)``, with R the largest 1 / depth and l the longest ray at depth 1. `_limit` picks
-tau so that this stays below `SLACK`, by which the row is moved outwards; a plane that misses it is left out. The
-same holds for a wedge plane through a vertex w with ``m . (v - w) <= tau V``.
+**Why a culling plane never rejects a sample of the frustum.** A sample p of the frustum is ``v' + t e'``, v' on the
+triangle (a convex combination of its vertices v, seen from the eye), e' from the light to v' (of the e) and t >= 0. Let
+V and E be the largest |v| and |e|, h <= |e'| the light's distance from the triangle's plane, and suppose that a normal
+m has ``m . v <= tau |v|`` and ``m . e <= tau |e|`` for every vertex. As ``t |e'| = |p - v'| <= |p| + V``, the value
+over the depth is at most ``tau (V R + (l + V R) E / h)``, with R the largest 1 / depth and l the longest ray at depth
+1. `_limit` picks tau so that this stays below `SLACK`, by which the scaled row is moved outwards; a plane that misses
+it is left out. The same holds for a wedge plane through a vertex w with ``m . (v - w) <= tau V``.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import inlined_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.lanes import A_WEIGHT, B_WEIGHT, C_WEIGHT, D_WEIGHT
 
 CAP_ROW, WEDGE_ROW, EYE_ROW, N_ROWS = 3, 4, 7, 13
@@ -151,12 +152,12 @@ def _vector(array):
     return array[0], array[1], array[2]
 
 
-@kernel
-def _row(array, i):
+@inlined_kernel
+def _item(array, i):
     return array[i, 0], array[i, 1], array[i, 2]
 
 
-@kernel
+@inlined_kernel
 def _corner(corners, t, i):
     return corners[t, i, 0], corners[t, i, 1], corners[t, i, 2]
 
@@ -187,10 +188,10 @@ def facing(a, b, c, light):
     1 for the side from which the vertices run counter-clockwise, -1 for the other, 0 if the triangle has no area or
     the light lies in its plane, as far as float64 can tell (what it shadows is then thinner than rounding).
     """
-    u, v, l = _minus(b, a), _minus(c, a), _from_light(a, light)
-    value = -_dot(_cross(u, v), l)
-    bound = ((abs(u[1] * v[2]) + abs(u[2] * v[1])) * abs(l[0]) + (abs(u[2] * v[0]) + abs(u[0] * v[2])) * abs(l[1])
-             + (abs(u[0] * v[1]) + abs(u[1] * v[0])) * abs(l[2])) * FACING_ERROR
+    u, v, ray = _minus(b, a), _minus(c, a), _from_light(a, light)
+    value = -_dot(_cross(u, v), ray)
+    bound = ((abs(u[1] * v[2]) + abs(u[2] * v[1])) * abs(ray[0]) + (abs(u[2] * v[0]) + abs(u[0] * v[2])) * abs(ray[1])
+             + (abs(u[0] * v[1]) + abs(u[1] * v[0])) * abs(ray[2])) * FACING_ERROR
     return 1 if value > bound else (-1 if value < -bound else 0)
 
 
@@ -222,27 +223,18 @@ def _weight(a, b, c, d, reach):
             + D_WEIGHT * abs(d))
 
 
-@kernel
+@inlined_kernel
 def _set_row(rows, first, a, b, c, d):
     rows[first], rows[first + 1], rows[first + 2], rows[first + 3] = a, b, c, d
 
 
-@kernel
+@inlined_kernel
 def _set_plane(frusta, k, row, m, c, space):
     """Write a side or cap row: normal m pointing outwards, value c at the eye."""
-    a, b, d = _dot(m, space.right), _dot(m, space.up), _dot(m, space.forward)
-    scale = 1.0 / _weight(a, b, c, d, space.reach)
-    exact = frusta.exact_rows
+    a, b, d, weight = _in_proj(m, c, space)
+    scale, exact = 1.0 / weight, frusta.exact_rows
     exact[k, row, 0], exact[k, row, 1], exact[k, row, 2], exact[k, row, 3] = a * scale, b * scale, c * scale, d * scale
     _set_row(frusta.rows, k * ROW_SIZE + 4 * row, a * scale, b * scale, c * scale, d * scale)
-
-
-@kernel
-def _set_culling_plane(frusta, k, row, m, c, space):
-    """Write a culling row, moved outwards by `SLACK`."""
-    a, b, d = _dot(m, space.right), _dot(m, space.up), _dot(m, space.forward)
-    scale = 1.0 / _weight(a, b, c, d, space.reach)
-    _set_row(frusta.rows, k * ROW_SIZE + 4 * row, a * scale, b * scale, c * scale, d * scale - SLACK)
 
 
 @kernel
@@ -261,7 +253,7 @@ def _value_at_eye(m, a, b, vertex_a, vertex_b):
     return -_dot(m, vertex_a if _before(a, b) else vertex_b)
 
 
-@kernel
+@inlined_kernel
 def _growth(shape, height, directional, reach):
     """Factor of the module's text: V R + (l + V R) E / h, and V."""
     largest_v = largest_e = 0.0
@@ -273,58 +265,70 @@ def _growth(shape, height, directional, reach):
 
 
 @kernel
-def _limit(m, c, growth, space):
+def _in_proj(m, c, space):
+    """Row of the plane with normal m and value c at the eye, and its weight."""
+    a, b, d = _dot(m, space.right), _dot(m, space.up), _dot(m, space.forward)
+    return a, b, d, _weight(a, b, c, d, space.reach)
+
+
+@kernel
+def _limit(m, weight, growth):
     """Largest m . u that a culling plane may show for a unit vector u, less float64's rounding (m of any length)."""
-    weight = _weight(_dot(m, space.right), _dot(m, space.up), c, _dot(m, space.forward), space.reach)
     return SLACK * weight / growth - ROUNDING * (abs(m[0]) + abs(m[1]) + abs(m[2]))
 
 
-@kernel
-def _eye_plane(directions, g, h, growth, space):
-    """Outward normal of the plane through the eye and two directions, or zero if it does not bound the frustum."""
-    m = _cross(_row(directions, g), _row(directions, h))
+@inlined_kernel
+def _set_culling_row(frusta, k, row, a, b, c, d, scale):
+    """Write a culling row, moved outwards by `SLACK`."""
+    _set_row(frusta.rows, k * ROW_SIZE + 4 * row, a * scale, b * scale, c * scale, d * scale - SLACK)
+
+
+@inlined_kernel
+def _set_eye_plane(frusta, k, row, directions, edge, growth, space):
+    """Write the plane through the eye and an edge, and return True, if it bounds the frustum."""
+    m = _cross(_item(directions, EDGES[edge, 0]), _item(directions, EDGES[edge, 1]))
     low = high = 0.0
     for i in range(6):
-        value = _dot(m, _row(directions, i))
+        value = _dot(m, _item(directions, i))
         low, high = min(low, value), max(high, value)
-    limit = _limit(m, 0.0, growth, space)
-    if high <= limit:
-        return m
-    return _scaled(m, -1.0 if low >= -limit else 0.0)
+    a, b, d, weight = _in_proj(m, 0.0, space)
+    limit = _limit(m, weight, growth)
+    if (high > limit and low < -limit) or not weight > 0.0:
+        return False
+    _set_culling_row(frusta, k, row, a, b, 0.0, d, (1.0 if high <= limit else -1.0) / weight)
+    return True
 
 
-@kernel
+@inlined_kernel
 def _eye_planes(frusta, k, n_edges, shape, outside, growth, space):
     """Write the planes through the eye and the outline's edges, among the first `n_edges` of `EDGES`."""
     row = EYE_ROW
     for edge in range(n_edges):
         if outside[EDGES[edge, 2]] != outside[EDGES[edge, 3]] and row < N_ROWS:
-            m = _eye_plane(shape.direction, EDGES[edge, 0], EDGES[edge, 1], growth, space)
-            if m[0] != 0.0 or m[1] != 0.0 or m[2] != 0.0:
-                _set_culling_plane(frusta, k, row, m, 0.0, space)
-                row += 1
+            row += _set_eye_plane(frusta, k, row, shape.direction, edge, growth, space)
 
 
-@kernel
+@inlined_kernel
 def _wedge_plane(frusta, k, i, side_a, side_b, shape, growth, largest_v, space):
     """Write the wedge plane of vertex i, between two side planes, if it bounds the frustum."""
     half = _sum(side_a, side_b)
     if _dot(half, half) < SMALLEST_HALF:
         return
     # Remove what rounding left along the ray, so that the plane contains the light
-    ray = _row(shape.direction, 3 + i)
+    ray = _item(shape.direction, 3 + i)
     m = _minus(half, _scaled(ray, _dot(half, ray)))
-    vertex = _scaled(_row(shape.direction, i), shape.length[i])
+    vertex = _scaled(_item(shape.direction, i), shape.length[i])
     c = -_dot(m, vertex)
-    limit = _limit(m, c, growth, space)
+    a, b, d, weight = _in_proj(m, c, space)
+    limit = _limit(m, weight, growth)
     for j in range(3):
-        other = _scaled(_row(shape.direction, j), shape.length[j])
-        if _dot(m, _minus(other, vertex)) > limit * largest_v or _dot(m, _row(shape.direction, 3 + j)) > limit:
+        other = _scaled(_item(shape.direction, j), shape.length[j])
+        if _dot(m, _minus(other, vertex)) > limit * largest_v or _dot(m, _item(shape.direction, 3 + j)) > limit:
             return
-    _set_culling_plane(frusta, k, WEDGE_ROW + i, m, c, space)
+    _set_culling_row(frusta, k, WEDGE_ROW + i, a, b, c, d, 1.0 / weight)
 
 
-@kernel
+@inlined_kernel
 def _set_direction(shape, i, v):
     """Store one direction and its length."""
     length = np.sqrt(_dot(v, v))
@@ -333,7 +337,7 @@ def _set_direction(shape, i, v):
     shape.direction[i, 0], shape.direction[i, 1], shape.direction[i, 2] = v[0] * scale, v[1] * scale, v[2] * scale
 
 
-@kernel
+@inlined_kernel
 def _make_frustum(k, corners, side, space, eye_edges, wedge_planes, shape, frusta):
     """Write all rows of one frustum."""
     t = frusta.triangle[k]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import inlined_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.depth_hierarchy import samples_offset
 from shadowbench.kernels.lanes import (
     LANES,
@@ -101,7 +101,7 @@ def empty_counts(tree, n_frusta):
                   np.zeros(branching, np.int64))
 
 
-@kernel
+@inlined_kernel
 def _test_node(tree, frusta, planes, k, level, row, column, node, open_children):
     """Test the children of a node; returns masks (not rejected, not certainly inside)."""
     lanes = tree.n_chunks * LANES
@@ -111,14 +111,12 @@ def _test_node(tree, frusta, planes, k, level, row, column, node, open_children)
     first = k * ROW_SIZE
     alive = open_children
     if planes.eye:
-        alive &= ~outside_eye_planes(frusta.rows, first + 4 * EYE_ROW, tree.x, x0, 0, tree.y, y0, tree.r, r0,
-                                     tree.n_chunks, alive)
+        alive &= ~outside_eye_planes(frusta, first + 4 * EYE_ROW, tree, x0, 0, y0, r0, alive)
     if planes.wedge and alive != 0:
-        alive &= ~outside_wedge_planes(frusta.rows, first + 4 * WEDGE_ROW, tree.x, x0, 0, tree.y, y0, tree.r, r0,
-                                       tree.n_chunks, alive)
+        alive &= ~outside_wedge_planes(frusta, first + 4 * WEDGE_ROW, tree, x0, 0, y0, r0, alive)
     if alive == 0:
         return alive, alive
-    outside, partial = classify_boxes(frusta.rows, first, tree.x, x0, 0, tree.y, y0, tree.r, r0, tree.n_chunks, alive)
+    outside, partial = classify_boxes(frusta, first, tree, x0, 0, y0, r0, alive)
     alive &= ~outside
     return alive, alive & partial
 
@@ -148,14 +146,13 @@ def _inside_in_float64(exact_rows, k, x, y, r):
             + exact_rows[k, CAP_ROW, 2] * r) < 0.0
 
 
-@kernel
+@inlined_kernel
 def _test_samples(tree, frusta, k, row, column, tile, candidates, depth):
     """Test the samples of a tile; returns (mask in shadow, mask decided in float64)."""
     level = tree.levels[-1]
     x0 = level.first_x + column * (2 * LANES)
     y0 = level.first_y + row * (2 * tree.n_chunks * LANES)
-    outside, unsure = classify_samples(frusta.rows, k * ROW_SIZE, tree.x, x0, 0, tree.y, y0, tree.r,
-                                       samples_offset(tree, tile), tree.n_chunks, candidates)
+    outside, unsure = classify_samples(frusta, k * ROW_SIZE, tree, x0, 0, y0, samples_offset(tree, tile), candidates)
     inside = candidates & ~outside
     undecided = inside & unsure
     rest = undecided
@@ -170,7 +167,7 @@ def _test_samples(tree, frusta, k, row, column, tile, candidates, depth):
     return inside, undecided
 
 
-@kernel
+@inlined_kernel
 def _close(tree, shadow, index, row, column):
     """Tell the ancestors below the root, as far as it matters, that a tile has nothing left to test."""
     while index > 1:
@@ -184,7 +181,7 @@ def _close(tree, shadow, index, row, column):
             return
 
 
-@kernel
+@inlined_kernel
 def _traverse(tree, frusta, planes, k, row, column, depth, shadow, stack, worker, counts):
     """Walk one frustum through the tree below the root's child (row, column)."""
     last = len(tree.levels) - 1
@@ -288,7 +285,7 @@ def traverse(tree, frusta, planes, depth, shadow, counts):
         counts.visits[0] = n_frusta
 
 
-@kernel
+@inlined_kernel
 def _tile_bits(tree, shadow, row, column):
     """Samples of a tile of the last level that are in shadow by themselves or with one of their tiles."""
     bits = shadow.samples[row * tree.levels[-1].columns + column]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.reference.exact import exact_facing, exact_flags
-from shadowbench.reference.frusta import empty_frusta, find_facing, make_frusta
+from shadowbench.reference.frusta import Frusta, find_facing, make_frusta
 from shadowbench.reference.light_tree import (
     BRANCHING,
     LEAF_SAMPLES,
@@ -28,7 +28,7 @@ from shadowbench.reference.predicates import (
     SHADOWED,
     UNIT_ROUNDOFF,
 )
-from shadowbench.reference.traversal import N_BLOCKS, WalkCounts, Work, count_reached, list_reached, walk
+from shadowbench.reference.traversal import N_BLOCKS, WalkCounts, Work, deal, walk
 
 FLOOR_ROUNDINGS = 64
 """Rounding floor of the bias, in unit roundoffs of the largest coordinate: a sample position is the end of a chain of
@@ -164,7 +164,7 @@ def _checked(corners: Any, light: Any, positions: Any, bias: float, tie: Any, ca
         raise ValueError(f"the light must be (x, y, z, w) with w = 1 (point) or w = 0 (directional), not {light}")
     if light[3] == 0.0 and not light[:3].any():
         raise ValueError("a directional light needs a direction other than (0, 0, 0)")
-    if not 0.0 <= bias < 2.0**1000:
+    if not 0.0 <= bias < 2.0**1023:
         raise ValueError(f"bias must be a finite distance from 0 up, not {bias}")
     if len(tie) != len(positions) or np.any(tie < 0.0):
         raise ValueError("tie distances must be one distance from 0 up per sample position")
@@ -201,7 +201,7 @@ class _Search:
     def add_triangles(self, corners: NDArray[np.float64], casters: NDArray[np.bool_]) -> None:
         """Let a batch of triangles cast: deal out, then walk and settle in turn until all lists are done."""
         with self.stage("setup"):
-            frusta = empty_frusta(len(corners))
+            frusta = Frusta(np.zeros(len(corners), np.int8), np.empty((len(corners), 4, 6)))
             find_facing(frusta.facing, corners, casters, self.space.light)
             undecided = np.flatnonzero(frusta.facing == 2)
             frusta.facing[undecided] = exact_facing(corners[undecided], self.space.light)
@@ -217,21 +217,21 @@ class _Search:
             if np.all(self.work.next_item == ends):
                 return
 
-    def _deal(self, frusta: Any, corners: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    def _deal(self, frusta: Frusta, corners: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
         """List the triangles that may reach each work node; return the lists and where each ends."""
         arguments = (self.tree, frusta, corners, self.space, self.biases, self.work.finished)
         reached = np.zeros((N_BLOCKS, self.n_work), np.int64)
-        count_reached(*arguments, reached)
+        deal(*arguments, reached, np.empty(0, np.int32), self.counts)
         # Lists by work node, and in each by block: the exclusive prefix sum in that order.
         ends = np.cumsum(reached.T).reshape(self.n_work, N_BLOCKS)
         starts = np.ascontiguousarray((ends - reached.T).T)
         lists = np.empty(int(ends[-1, -1]), np.int32)
         self.largest_lists = max(self.largest_lists, lists.nbytes)
         self.work.next_item[:] = starts[0]
-        list_reached(*arguments, starts, lists, self.counts)
+        deal(*arguments, starts, lists, self.counts)
         return lists, np.ascontiguousarray(ends[:, -1])
 
-    def _settle(self, frusta: Any, corners: NDArray[np.float64]) -> None:
+    def _settle(self, frusta: Frusta, corners: NDArray[np.float64]) -> None:
         """Settle the pairs that still matter in rational arithmetic, and empty the buffers."""
         work, tree = self.work, self.tree
         filled = np.arange(PAIR_CAPACITY) < work.n_pairs[:, None]

@@ -31,6 +31,33 @@ DETERMINANT_MARGIN = 8.0
 """How far a determinant must exceed the error of its coefficients."""
 
 
+class FaceFrame(NamedTuple):
+    """One face of light space, and what the planes need to know besides: numbers alone.
+
+    Attributes
+    ----------
+    is_point : True for a point light.
+    axis, next_axis, last_axis : the face's axis and the two that follow in cyclic order.
+    sign : -1 where the axis points backwards, else 1.
+    origin, origin_next, origin_last : origin of light space along the three, world.
+    shear_next, shear_last : shear of a directional light.
+    floor, doubled : rounding floor and twice the bias, world units.
+    """
+
+    is_point: bool
+    axis: int
+    next_axis: int
+    last_axis: int
+    sign: float
+    origin: float
+    origin_next: float
+    origin_last: float
+    shear_next: float
+    shear_last: float
+    floor: float
+    doubled: float
+
+
 class FacePlanes(NamedTuple):
     """Planes of one frustum on one face: x X + y Y + k (+ r R) is positive inside.
 
@@ -88,58 +115,53 @@ class TriangleBox(NamedTuple):
 
 
 @kernel
-def _line(frusta, t, k, face, is_point):
-    """Side plane k of triangle t on a face."""
-    i0 = face // 2
-    z = -frusta.side[t, k, i0] if face % 2 == 1 else frusta.side[t, k, i0]
-    constant = z if is_point else frusta.side_offset[t, k]
-    return (frusta.side[t, k, (i0 + 1) % 3], frusta.side[t, k, (i0 + 2) % 3], constant, frusta.side_error[t, k],
-            frusta.tie_factor[t, k])
-
-
-@kernel
-def face_planes(frusta, t, space, face, biases):
-    """Express triangle t's frustum in the coordinates of one face.
-
-    Parameters
-    ----------
-    frusta, space : records.
-    t, face : triangle, and face as in `light_tree`.
-    biases : float64 (3,), rounding floor, bias, twice the bias; world units.
-    """
-    is_point = space.light[3] != 0.0
-    x0, y0, k0, error0, tie0 = _line(frusta, t, 0, face, is_point)
-    x1, y1, k1, error1, tie1 = _line(frusta, t, 1, face, is_point)
-    x2, y2, k2, error2, tie2 = _line(frusta, t, 2, face, is_point)
-    i0 = face // 2
-    x, y = frusta.cap[t, (i0 + 1) % 3], frusta.cap[t, (i0 + 2) % 3]
-    z = -frusta.cap[t, i0] if face % 2 == 1 else frusta.cap[t, i0]
-    offset = frusta.cap_offset[t]
-    if is_point:
-        k_floor, r_floor, k_doubled, r_doubled = z, offset - biases[0], z, offset - biases[2]
-    else:
-        r = z + x * space.shear[0] + y * space.shear[1]
-        k_floor, r_floor, k_doubled, r_doubled = offset - biases[0], r, offset - biases[2], r
-    return FacePlanes(x0, y0, k0, error0, tie0, x1, y1, k1, error1, tie1, x2, y2, k2, error2, tie2, x, y, k_floor,
-                      r_floor, k_doubled, r_doubled, frusta.cap_error[t, 0], frusta.cap_error[t, 1])
-
-
-@kernel
-def _vertex(corners, t, k, space, face):
-    """Light-space x and y of a vertex, and their error bounds; NaN where the vertex is not in front of the face."""
+def face_frame(space, face, biases):
+    """Describe a face (as in `light_tree`) of a `LightSpace`; biases as in `predicates.classify`."""
     i0 = face // 2
     i1, i2 = (i0 + 1) % 3, (i0 + 2) % 3
-    z, c1, c2 = (corners[t, k, i0] - space.origin[i0], corners[t, k, i1] - space.origin[i1],
-                 corners[t, k, i2] - space.origin[i2])
-    if face % 2 == 1:
-        z = -z
-    if space.light[3] != 0.0:
+    origin, shear = space.origin, space.shear
+    return FaceFrame(space.light[3] != 0.0, i0, i1, i2, -1.0 if face % 2 == 1 else 1.0, origin[i0], origin[i1],
+                     origin[i2], shear[0], shear[1], biases[0], biases[2])
+
+
+@kernel
+def _line(planes, t, k, frame):
+    """Side plane k of triangle t on a face: x, y, constant, error bound, tie factor."""
+    constant = planes[t, k, 3]
+    if frame.is_point:
+        constant = frame.sign * planes[t, k, frame.axis]
+    return (planes[t, k, frame.next_axis], planes[t, k, frame.last_axis], constant, planes[t, k, 4], planes[t, k, 5])
+
+
+@kernel
+def face_planes(planes, t, frame):
+    """Express triangle t's frustum (`Frusta.planes`) in the coordinates of a face."""
+    x0, y0, k0, error0, tie0 = _line(planes, t, 0, frame)
+    x1, y1, k1, error1, tie1 = _line(planes, t, 1, frame)
+    x2, y2, k2, error2, tie2 = _line(planes, t, 2, frame)
+    x, y = planes[t, 3, frame.next_axis], planes[t, 3, frame.last_axis]
+    z, offset = frame.sign * planes[t, 3, frame.axis], planes[t, 3, 3]
+    if frame.is_point:
+        k_floor, r_floor, k_doubled, r_doubled = z, offset - frame.floor, z, offset - frame.doubled
+    else:
+        r = z + x * frame.shear_next + y * frame.shear_last
+        k_floor, r_floor, k_doubled, r_doubled = offset - frame.floor, r, offset - frame.doubled, r
+    return FacePlanes(x0, y0, k0, error0, tie0, x1, y1, k1, error1, tie1, x2, y2, k2, error2, tie2, x, y, k_floor,
+                      r_floor, k_doubled, r_doubled, planes[t, 3, 4], planes[t, 3, 5])
+
+
+@kernel
+def _vertex(corners, t, k, frame):
+    """Light-space x and y of a vertex, and their error bounds; NaN where the vertex is not in front of the face."""
+    z = frame.sign * (corners[t, k, frame.axis] - frame.origin)
+    c1, c2 = corners[t, k, frame.next_axis] - frame.origin_next, corners[t, k, frame.last_axis] - frame.origin_last
+    if frame.is_point:
         if not z > 0.0:
             return np.nan, np.nan, np.nan, np.nan
         x, y = c1 / z, c2 / z
         return x, y, VERTEX_ERROR * abs(x), VERTEX_ERROR * abs(y)
     error = VERTEX_ERROR * (abs(c1) + abs(c2) + abs(z))
-    return c1 - z * space.shear[0], c2 - z * space.shear[1], error, error
+    return c1 - z * frame.shear_next, c2 - z * frame.shear_last, error, error
 
 
 @kernel
@@ -152,11 +174,11 @@ def _slopes(xi, yi, tie_i, xj, yj, tie_j):
 
 
 @kernel
-def triangle_box(corners, t, space, face, planes):
+def triangle_box(corners, t, frame, planes):
     """Bound the cross-section of triangle t's frustum on a face; see the module's text."""
-    xa, ya, error_xa, error_ya = _vertex(corners, t, 0, space, face)
-    xb, yb, error_xb, error_yb = _vertex(corners, t, 1, space, face)
-    xc, yc, error_xc, error_yc = _vertex(corners, t, 2, space, face)
+    xa, ya, error_xa, error_ya = _vertex(corners, t, 0, frame)
+    xb, yb, error_xb, error_yb = _vertex(corners, t, 1, frame)
+    xc, yc, error_xc, error_yc = _vertex(corners, t, 2, frame)
     slope_xa, slope_ya = _slopes(planes.x2, planes.y2, planes.tie2, planes.x0, planes.y0, planes.tie0)
     slope_xb, slope_yb = _slopes(planes.x0, planes.y0, planes.tie0, planes.x1, planes.y1, planes.tie1)
     slope_xc, slope_yc = _slopes(planes.x1, planes.y1, planes.tie1, planes.x2, planes.y2, planes.tie2)
@@ -179,21 +201,21 @@ def outside_box(bound, low_x, high_x, low_y, high_y, tie):
     """Tell whether a node is certainly outside the box around the frustum's cross-section."""
     margin = bound.error + bound.tie * tie
     grow_x, grow_y = bound.slope_x * margin, bound.slope_y * margin
-    return (high_x < bound.low_x - grow_x or low_x > bound.high_x + grow_x
-            or high_y < bound.low_y - grow_y or low_y > bound.high_y + grow_y)
+    # All four at once: one branch is cheaper than four that cannot be predicted.
+    return ((high_x < bound.low_x - grow_x) | (low_x > bound.high_x + grow_x)
+            | (high_y < bound.low_y - grow_y) | (low_y > bound.high_y + grow_y))
 
 
 @kernel
-def _line_test(x, y, k, error, tie_factor, low_x, high_x, low_y, high_y, tie):
-    """Test a box (or, with low = high, a sample) against one side plane."""
-    margin = error + tie_factor * tie
-    near_x, far_x = (high_x, low_x) if x > 0.0 else (low_x, high_x)
-    near_y, far_y = (high_y, low_y) if y > 0.0 else (low_y, high_y)
-    if x * near_x + y * near_y + k < -margin:
-        return REJECT
-    if x * far_x + y * far_y + k > margin:
-        return ACCEPT
-    return REFINE
+def _largest(x, y, low_x, high_x, low_y, high_y):
+    """Largest value of x X + y Y over a box: of the same operations as at a sample, so rounding keeps the order."""
+    return max(x * low_x, x * high_x) + max(y * low_y, y * high_y)
+
+
+@kernel
+def _smallest(x, y, low_x, high_x, low_y, high_y):
+    """Smallest value of x X + y Y over a box."""
+    return min(x * low_x, x * high_x) + min(y * low_y, y * high_y)
 
 
 @kernel
@@ -203,23 +225,23 @@ def planes_test(planes, low_x, high_x, low_y, high_y, low_r, high_r, tie):
     The operations and their order are the same for boxes and samples, which the argument about boxes in
     `light_tree` needs.
     """
-    answer0 = _line_test(planes.x0, planes.y0, planes.k0, planes.error0, planes.tie0, low_x, high_x, low_y, high_y, tie)
-    if answer0 == REJECT:
+    p = planes
+    margin0, margin1, margin2 = p.error0 + p.tie0 * tie, p.error1 + p.tie1 * tie, p.error2 + p.tie2 * tie
+    # The largest value of each side plane; all three at once, since branches cannot be predicted here.
+    if ((_largest(p.x0, p.y0, low_x, high_x, low_y, high_y) + p.k0 < -margin0)
+            | (_largest(p.x1, p.y1, low_x, high_x, low_y, high_y) + p.k1 < -margin1)
+            | (_largest(p.x2, p.y2, low_x, high_x, low_y, high_y) + p.k2 < -margin2)):
         return REJECT
-    answer1 = _line_test(planes.x1, planes.y1, planes.k1, planes.error1, planes.tie1, low_x, high_x, low_y, high_y, tie)
-    if answer1 == REJECT:
+    # The largest distance behind the cap plane moved by the rounding floor.
+    margin = p.cap_error + p.cap_error_r * high_r
+    if (_largest(p.cap_x, p.cap_y, low_x, high_x, low_y, high_y) + p.k_floor
+            + max(p.r_floor * low_r, p.r_floor * high_r) < -margin):
         return REJECT
-    answer2 = _line_test(planes.x2, planes.y2, planes.k2, planes.error2, planes.tie2, low_x, high_x, low_y, high_y, tie)
-    if answer2 == REJECT:
-        return REJECT
-    near_x, far_x = (high_x, low_x) if planes.cap_x > 0.0 else (low_x, high_x)
-    near_y, far_y = (high_y, low_y) if planes.cap_y > 0.0 else (low_y, high_y)
-    near_r = high_r if planes.r_floor > 0.0 else low_r
-    margin = planes.cap_error + planes.cap_error_r * high_r
-    if planes.cap_x * near_x + planes.cap_y * near_y + planes.k_floor + planes.r_floor * near_r < -margin:
-        return REJECT
-    if answer0 == ACCEPT and answer1 == ACCEPT and answer2 == ACCEPT:
-        far_r = low_r if planes.r_doubled > 0.0 else high_r
-        if planes.cap_x * far_x + planes.cap_y * far_y + planes.k_doubled + planes.r_doubled * far_r > margin:
-            return ACCEPT
+    # The smallest values, behind the cap plane moved by twice the bias.
+    if ((_smallest(p.x0, p.y0, low_x, high_x, low_y, high_y) + p.k0 > margin0)
+            & (_smallest(p.x1, p.y1, low_x, high_x, low_y, high_y) + p.k1 > margin1)
+            & (_smallest(p.x2, p.y2, low_x, high_x, low_y, high_y) + p.k2 > margin2)
+            & (_smallest(p.cap_x, p.cap_y, low_x, high_x, low_y, high_y) + p.k_doubled
+               + min(p.r_doubled * low_r, p.r_doubled * high_r) > margin)):
+        return ACCEPT
     return REFINE

@@ -59,30 +59,13 @@ class Frusta(NamedTuple):
     Attributes
     ----------
     facing : int8 (n,), +1 or -1: the side that faces the light; 0: casts nothing; 2: not decided yet.
-    side : float64 (n, 3, 3), coefficients of the three side planes.
-    side_offset : float64 (n, 3), their constants (zero for a point light).
-    side_error : float64 (n, 3), error bounds of their light-space values.
-    tie_factor : float64 (n, 3), widens a tie distance by its own error.
-    cap : float64 (n, 3), coefficients of the cap plane without bias.
-    cap_offset : float64 (n,), its constant.
-    cap_error : float64 (n, 2), error bound of its light-space value: constant and factor of r.
+    planes : float64 (n, 4, 6), the side plane of each edge, then the cap plane without bias. Columns: coefficients
+        of x, y, z; constant (zero for side planes of a point light); error bound of the light-space value; and for
+        a side plane the factor that widens a tie distance by its own error, for the cap the error bound per r.
     """
 
     facing: np.ndarray
-    side: np.ndarray
-    side_offset: np.ndarray
-    side_error: np.ndarray
-    tie_factor: np.ndarray
-    cap: np.ndarray
-    cap_offset: np.ndarray
-    cap_error: np.ndarray
-
-
-def empty_frusta(n_triangles):
-    """Allocate the frusta of a batch."""
-    return Frusta(np.zeros(n_triangles, np.int8), np.empty((n_triangles, 3, 3)), np.empty((n_triangles, 3)),
-                  np.empty((n_triangles, 3)), np.empty((n_triangles, 3)), np.empty((n_triangles, 3)),
-                  np.empty(n_triangles), np.empty((n_triangles, 2)))
+    planes: np.ndarray
 
 
 @kernel
@@ -101,7 +84,7 @@ def _error_bound(magnitude, sum_p):
 
 
 @kernel
-def _make_side(frusta, corners, t, edge, light, origin, extent):
+def _make_side(planes, facing, corners, t, edge, light, origin, extent):
     """Fill one side plane of triangle t, turned by its facing."""
     k = edge + 1 if edge < 2 else 0
     u0, u1, u2 = corners[t, edge, 0], corners[t, edge, 1], corners[t, edge, 2]
@@ -112,41 +95,39 @@ def _make_side(frusta, corners, t, edge, light, origin, extent):
     m0, m1, m2, b0, b1, b2 = cross_with_bound(
         a0, a1, a2, corners[t, k, 0] - u0, corners[t, k, 1] - u1, corners[t, k, 2] - u2)
     length = _scaled_length(m0, m1, m2)
-    scale = -frusta.facing[t] / length
-    frusta.side[t, edge, 0], frusta.side[t, edge, 1], frusta.side[t, edge, 2] = m0 * scale, m1 * scale, m2 * scale
+    scale = -facing / length
+    planes[t, edge, 0], planes[t, edge, 1], planes[t, edge, 2] = m0 * scale, m1 * scale, m2 * scale
     sum_p = (b0 + b1 + b2) / length
-    frusta.tie_factor[t, edge] = 1.0 + TIE_ERROR * sum_p
+    planes[t, edge, 5] = 1.0 + TIE_ERROR * sum_p
     if is_point:
-        frusta.side_offset[t, edge] = 0.0
-        frusta.side_error[t, edge] = _error_bound(POINT_ERROR * sum_p, sum_p)
+        planes[t, edge, 3], planes[t, edge, 4] = 0.0, _error_bound(POINT_ERROR * sum_p, sum_p)
     else:
         c0, c1, c2 = u0 - origin[0], u1 - origin[1], u2 - origin[2]
-        frusta.side_offset[t, edge] = -(m0 * c0 + m1 * c1 + m2 * c2) * scale
         at_vertex = (b0 * abs(c0) + b1 * abs(c1) + b2 * abs(c2)) / length
-        frusta.side_error[t, edge] = _error_bound(DIRECTIONAL_ERROR * (extent * sum_p + at_vertex), sum_p)
+        planes[t, edge, 3] = -(m0 * c0 + m1 * c1 + m2 * c2) * scale
+        planes[t, edge, 4] = _error_bound(DIRECTIONAL_ERROR * (extent * sum_p + at_vertex), sum_p)
 
 
 @kernel
-def _make_cap(frusta, corners, t, light, origin, extent, largest_bias):
+def _make_cap(planes, facing, corners, t, light, origin, extent, largest_bias):
     """Fill the cap plane of triangle t, turned by its facing."""
     a0, a1, a2 = corners[t, 0, 0], corners[t, 0, 1], corners[t, 0, 2]
     m0, m1, m2, b0, b1, b2 = cross_with_bound(
         corners[t, 1, 0] - a0, corners[t, 1, 1] - a1, corners[t, 1, 2] - a2,
         corners[t, 2, 0] - a0, corners[t, 2, 1] - a1, corners[t, 2, 2] - a2)
     length = _scaled_length(m0, m1, m2)
-    scale = -frusta.facing[t] / length
+    scale = -facing / length
     c0, c1, c2 = a0 - origin[0], a1 - origin[1], a2 - origin[2]
-    frusta.cap[t, 0], frusta.cap[t, 1], frusta.cap[t, 2] = m0 * scale, m1 * scale, m2 * scale
-    frusta.cap_offset[t] = -(m0 * c0 + m1 * c1 + m2 * c2) * scale
+    planes[t, 3, 0], planes[t, 3, 1], planes[t, 3, 2] = m0 * scale, m1 * scale, m2 * scale
+    planes[t, 3, 3] = -(m0 * c0 + m1 * c1 + m2 * c2) * scale
     sum_p = (b0 + b1 + b2) / length
     at_vertex = (b0 * abs(c0) + b1 * abs(c1) + b2 * abs(c2)) / length
     if light[3] != 0.0:
-        frusta.cap_error[t, 0] = _error_bound(POINT_ERROR * sum_p, sum_p)
-        frusta.cap_error[t, 1] = _error_bound(POINT_ERROR * (at_vertex + largest_bias * sum_p), sum_p)
+        planes[t, 3, 4] = _error_bound(POINT_ERROR * sum_p, sum_p)
+        planes[t, 3, 5] = _error_bound(POINT_ERROR * (at_vertex + largest_bias * sum_p), sum_p)
     else:
-        frusta.cap_error[t, 0] = _error_bound(
-            DIRECTIONAL_ERROR * (extent * sum_p + at_vertex + largest_bias * sum_p), sum_p)
-        frusta.cap_error[t, 1] = 0.0
+        magnitude = extent * sum_p + at_vertex + largest_bias * sum_p
+        planes[t, 3, 4], planes[t, 3, 5] = _error_bound(DIRECTIONAL_ERROR * magnitude, sum_p), 0.0
 
 
 @kernel
@@ -167,12 +148,13 @@ def find_facing(facing, corners, casters, light):
 @kernel
 def _make_frusta(frusta, corners, light, origin, extent, largest_bias, block, n_blocks):
     """Fill the planes of one block of triangles."""
+    planes, facing = frusta.planes, frusta.facing
     n = len(corners)
     for t in range(block * n // n_blocks, (block + 1) * n // n_blocks):
-        if frusta.facing[t] != 0:
+        if facing[t] != 0:
             for edge in range(3):
-                _make_side(frusta, corners, t, edge, light, origin, extent)
-            _make_cap(frusta, corners, t, light, origin, extent, largest_bias)
+                _make_side(planes, facing[t], corners, t, edge, light, origin, extent)
+            _make_cap(planes, facing[t], corners, t, light, origin, extent, largest_bias)
 
 
 @parallel_kernel
@@ -181,7 +163,7 @@ def make_frusta(frusta, corners, light, origin, extent, largest_bias):
 
     Parameters
     ----------
-    frusta : written, except `facing`.
+    frusta : `planes` is written.
     corners : float64 (n, 3, 3), world.
     light : float64 (4,), homogeneous, world.
     origin : float64 (3,), what coordinates are relative to, world.

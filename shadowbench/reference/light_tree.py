@@ -31,8 +31,10 @@ BRANCHING = 4
 """Children per node."""
 WORK_LEVEL = 4
 """Level (0: leaves) whose nodes are the units of parallel work: 16 * 4**4 = 4096 samples."""
-MORTON_BITS = 16
-"""Bits per axis of the sort key."""
+MORTON_BITS = 12
+"""Bits per axis of the sort key: 4096 cells across, finer than the samples of a large frame are dense."""
+RADIX_BITS = 9
+"""Bits per pass of the sort: three passes for two axes and three bits of face."""
 LARGEST_COORDINATE = 2.0**1000
 """Largest component along the face's axis: its reciprocal is far from underflow."""
 N_WORKERS = 64
@@ -162,34 +164,105 @@ def _spread(bits):
 
 
 @kernel
-def _sort_keys(coordinate, faces, low, scale, keys):
-    """Write each sample's sort key: face, then Morton code of x and y quantised in the face's own box."""
-    top = (1 << MORTON_BITS) - 1
+def _face_bounds(coordinate, faces):
+    """Smallest and largest x and y per face, float64 (6, 2) each, and samples per face, int64 (6,)."""
+    low, high, count = np.full((6, 2), np.inf), np.full((6, 2), -np.inf), np.zeros(6, np.int64)
     for i in range(len(faces)):
         face = faces[i]
-        keys[i] = face << (2 * MORTON_BITS)
+        if face >= 0:
+            count[face] += 1
+            for k in range(2):
+                # NaN fails both comparisons.
+                if coordinate[i, k] < low[face, k]:
+                    low[face, k] = coordinate[i, k]
+                if coordinate[i, k] > high[face, k]:
+                    high[face, k] = coordinate[i, k]
+    return low, high, count
+
+
+@kernel
+def _sort_keys(coordinate, faces, low, scale):
+    """Sort key of each kept sample: face, then Morton code of x and y quantised in the face's box; and its index."""
+    n = 0
+    for i in range(len(faces)):
+        n += faces[i] >= 0
+    keys, indices = np.empty(n, np.int64), np.empty(n, np.int64)
+    top, n = (1 << MORTON_BITS) - 1, 0
+    for i in range(len(faces)):
+        face = faces[i]
+        if face < 0:
+            continue
+        key = face << (2 * MORTON_BITS)
         x, y = coordinate[i, 0], coordinate[i, 1]
         if x == x:
             column = min(np.int64((x - low[face, 0]) * scale[face, 0]), top)
             row = min(np.int64((y - low[face, 1]) * scale[face, 1]), top)
-            keys[i] |= _spread(column) | (_spread(row) << 1)
+            key |= _spread(column) | (_spread(row) << 1)
+        keys[n], indices[n] = key, i
+        n += 1
+    return keys, indices
+
+
+@kernel
+def _radix_pass(keys, indices, shift):
+    """Sort stably by `RADIX_BITS` bits of the keys; return sorted copies of both."""
+    mask = (1 << RADIX_BITS) - 1
+    place = np.zeros((1 << RADIX_BITS) + 1, np.int64)
+    for i in range(len(keys)):
+        place[((keys[i] >> shift) & mask) + 1] += 1
+    for k in range(1 << RADIX_BITS):
+        place[k + 1] += place[k]
+    sorted_keys, sorted_indices = np.empty_like(keys), np.empty_like(indices)
+    for i in range(len(keys)):
+        digit = (keys[i] >> shift) & mask
+        sorted_keys[place[digit]], sorted_indices[place[digit]] = keys[i], indices[i]
+        place[digit] += 1
+    return sorted_keys, sorted_indices
 
 
 def _sort(coordinate, faces):
-    """Return the order of the samples by face and Morton code; ties stay in the given order."""
-    low, scale = np.zeros((6, 2)), np.zeros((6, 2))
-    for face in np.unique(faces):
-        members = coordinate[faces == face, :2]
-        members = members[~np.isnan(members[:, 0])]
-        if len(members):
-            low[face] = members.min(axis=0)
-            size = members.max(axis=0) / 2 - low[face] / 2
-            # A size whose reciprocal overflows, or a magnitude that does, sorts nothing on that axis.
-            fits = (size > 2.0**-1000) & (size < 2.0**1000)
-            scale[face] = np.where(fits, 2.0**(MORTON_BITS - 1) / np.where(fits, size, 1.0), 0.0)
-    keys = np.empty(len(faces), np.int64)
-    _sort_keys(coordinate, faces, low, scale, keys)
-    return np.argsort(keys, kind="stable")
+    """Return the order of the kept samples by face and Morton code (ties as given), and samples per face."""
+    low, high, counts = _face_bounds(coordinate, faces)
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = high - low
+        # A size that overflows, or whose reciprocal does, sorts nothing on that axis.
+        fits = (size > 2.0**-1000) & (size < np.inf)
+        scale = np.where(fits, 2.0**MORTON_BITS / np.where(fits, size, 1.0), 0.0)
+    keys, indices = _sort_keys(coordinate, faces, low, scale)
+    for shift in range(0, 2 * MORTON_BITS + 3, RADIX_BITS):
+        keys, indices = _radix_pass(keys, indices, shift)
+    return indices, counts
+
+
+@kernel
+def _leaf_boxes(coordinate, tie, starts, box, block, n_blocks):
+    """Fill one block of leaf boxes; see `fill_leaf_boxes`."""
+    n = len(starts)
+    for leaf in range(block * n // n_blocks, (block + 1) * n // n_blocks):
+        first, end = starts[leaf], starts[leaf + 1] if leaf + 1 < n else len(tie)
+        for k in range(3):
+            low = high = coordinate[first, k]
+            for i in range(first + 1, end):
+                low, high = np.minimum(low, coordinate[i, k]), np.maximum(high, coordinate[i, k])
+            box[leaf, 2 * k], box[leaf, 2 * k + 1] = low, high
+        largest = tie[first]
+        for i in range(first + 1, end):
+            largest = np.maximum(largest, tie[i])
+        box[leaf, 6] = largest
+
+
+@parallel_kernel
+def fill_leaf_boxes(coordinate, tie, starts, box):
+    """Bound the samples of each leaf; NaN spreads to the box.
+
+    Parameters
+    ----------
+    coordinate, tie : float64 (n, 3) and (n,), `LightTree.coordinate` and `tie_light`.
+    starts : int64 (n_leaves,), first sample of each leaf.
+    box : float64 (n_leaves, 7), written.
+    """
+    for block in prange(N_WORKERS):
+        _leaf_boxes(coordinate, tie, starts, box, block, N_WORKERS)
 
 
 def _group_starts(face_counts, size):
@@ -214,17 +287,13 @@ def build_light_tree(space, positions, tie):
     """
     coordinate, faces = np.empty((len(positions), 3)), np.empty(len(positions), np.int64)
     map_to_light_space(positions, space, coordinate, faces)
-    kept = np.flatnonzero(faces >= 0)
-    if len(kept) == 0:
+    order, face_counts = _sort(coordinate, faces)
+    if len(order) == 0:
         return None
-    order = kept[_sort(coordinate[kept], faces[kept])]
     coordinate, tie = coordinate[order], tie[order]
     tie_light = tie * coordinate[:, 2] if space.light[3] != 0.0 else tie
-    used_faces, face_counts = np.unique(faces[order], return_counts=True)
-    extremes = np.stack([coordinate, coordinate], axis=2).reshape(-1, 6)
-    values = np.column_stack([extremes, tie_light])
     return LightTree(order, positions[order], coordinate, tie, tie_light,
-                     *_build_levels(values, used_faces, face_counts))
+                     *_build_levels(coordinate, tie_light, face_counts))
 
 
 def _reduce_boxes(values, starts):
@@ -235,13 +304,14 @@ def _reduce_boxes(values, starts):
     return merged
 
 
-def _build_levels(values, used_faces, face_counts):
+def _build_levels(coordinate, tie, face_counts):
     """Build all nodes, level by level from the leaves; return the node fields of `LightTree`."""
     starts, counts = _group_starts(face_counts, LEAF_SAMPLES)
-    boxes = [_reduce_boxes(values, starts)]
-    samples = [np.column_stack([starts, np.append(starts[1:], len(values))])]
+    boxes = [np.empty((len(starts), 7))]
+    fill_leaf_boxes(coordinate, tie, starts, boxes[0])
+    samples = [np.column_stack([starts, np.append(starts[1:], len(tie))])]
     children = [np.zeros((len(starts), 2), np.int64)]
-    faces, parents = [np.repeat(used_faces, counts)], []
+    faces, parents = [np.repeat(np.arange(6), counts)], []
     base = 0
     while len(boxes) <= WORK_LEVEL or counts.max() > 1:
         starts, counts = _group_starts(counts, BRANCHING)
@@ -251,7 +321,7 @@ def _build_levels(values, used_faces, face_counts):
         base += len(boxes[-1])
         boxes.append(_reduce_boxes(boxes[-1], starts))
         samples.append(np.column_stack([samples[-1][starts, 0], samples[-1][ends - 1, 1]]))
-        faces.append(np.repeat(used_faces, counts))
+        faces.append(np.repeat(np.arange(6), counts))
     parents.append(np.full(len(boxes[-1]), -1))
     first_work = sum(len(box) for box in boxes[:WORK_LEVEL])
     work_nodes = np.array([first_work, first_work + len(boxes[WORK_LEVEL])])

@@ -1,7 +1,7 @@
 """The fast stage: each triangle's shadow frustum walks the light tree.
 
-A batch of triangles is first dealt out to the work nodes it may reach (`count_reached`, `list_reached`), then each
-work node walks its own list in triangle order. Work nodes own disjoint samples, flags and pair buffers, and skip what
+A batch of triangles is first dealt out to the work nodes it may reach (`deal`), then each work node walks its own
+list in triangle order (`walk`). Work nodes own disjoint samples, flags and pair buffers, and skip what
 is finished, so results and counts depend on neither threads nor timing.
 """
 
@@ -10,7 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from shadowbench.jit import kernel, parallel_kernel, prange
-from shadowbench.reference.face_planes import ACCEPT, REJECT, face_planes, outside_box, planes_test, triangle_box
+from shadowbench.reference.face_planes import (
+    ACCEPT,
+    REFINE,
+    REJECT,
+    face_frame,
+    face_planes,
+    outside_box,
+    planes_test,
+    triangle_box,
+)
 from shadowbench.reference.predicates import ALL_FLAGS, FINISHED, classify
 
 N_BLOCKS = 16
@@ -58,18 +67,20 @@ class WalkCounts(NamedTuple):
 
 @kernel
 def _deal_block(tree, frusta, corners, space, biases, finished, reached, lists, block, counts):
-    """Find the work nodes that one block of triangles may reach; see `count_reached` and `list_reached`."""
-    box, children, facing = tree.box, tree.children, frusta.facing
+    """Find the work nodes that one block of triangles may reach; see `deal`."""
+    # Arrays are taken from their records once: doing so in the loop counts references.
+    box, children, facing, all_planes = tree.box, tree.children, frusta.facing, frusta.planes
     first_work, end_work = tree.work_nodes[0], tree.work_nodes[1]
     stack = np.empty(STACK_SIZE, np.int64)
     n = len(facing)
     n_tests = 0
-    for t in range(block * n // N_BLOCKS, (block + 1) * n // N_BLOCKS):
-        if facing[t] == 0:
-            continue
-        for root in range(tree.roots[0], tree.roots[1]):
-            planes = face_planes(frusta, t, space, tree.face[root], biases)
-            bound = triangle_box(corners, t, space, tree.face[root], planes)
+    for root in range(tree.roots[0], tree.roots[1]):
+        frame = face_frame(space, tree.face[root], biases)
+        for t in range(block * n // N_BLOCKS, (block + 1) * n // N_BLOCKS):
+            if facing[t] == 0:
+                continue
+            planes = face_planes(all_planes, t, frame)
+            bound = triangle_box(corners, t, frame, planes)
             stack[0], depth = root, 1
             while depth > 0:
                 depth -= 1
@@ -86,17 +97,19 @@ def _deal_block(tree, frusta, corners, space, biases, finished, reached, lists, 
                         stack[depth] = child
                         depth += 1
                     continue
-                # In the second pass `reached` holds where the block writes in the list of the work node.
-                if lists is not None:
-                    lists[reached[block, node - first_work]] = t
-                reached[block, node - first_work] += 1
+                place = reached[block, node - first_work]
+                if place < len(lists):
+                    lists[place] = t
+                reached[block, node - first_work] = place + 1
     if counts is not None:
         counts.dealing_tests[block] += n_tests
 
 
 @parallel_kernel
-def count_reached(tree, frusta, corners, space, biases, finished, reached):
-    """Count the triangles of each block that may reach each work node.
+def deal(tree, frusta, corners, space, biases, finished, reached, lists, counts):
+    """Deal triangles out to the work nodes that they may reach.
+
+    Called twice: with no room in `lists` to count, then with `reached` turned into places, to fill the lists.
 
     Parameters
     ----------
@@ -104,22 +117,9 @@ def count_reached(tree, frusta, corners, space, biases, finished, reached):
     corners : float64 (n, 3, 3), the batch's triangles, world.
     biases : float64 (3,), rounding floor, bias, twice the bias; world units.
     finished : bool (n_nodes,), nodes to leave out.
-    reached : int64 (N_BLOCKS, n_work), zero; written.
-    """
-    for block in prange(N_BLOCKS):
-        _deal_block(tree, frusta, corners, space, biases, finished, reached, None, block, None)
-
-
-@parallel_kernel
-def list_reached(tree, frusta, corners, space, biases, finished, reached, lists, counts):
-    """List the triangles that may reach each work node, in ascending order.
-
-    Parameters
-    ----------
-    reached : int64 (N_BLOCKS, n_work), where each block starts to write for each work node; moved on.
-    lists : int32, written.
+    reached : int64 (N_BLOCKS, n_work), where the next triangle of each block goes for each work node; moved on.
+    lists : int32, written where there is room: triangles, ascending within a work node.
     counts : `WalkCounts` or None.
-    (the others as in `count_reached`)
     """
     for block in prange(N_BLOCKS):
         _deal_block(tree, frusta, corners, space, biases, finished, reached, lists, block, counts)
@@ -140,88 +140,85 @@ def _finish(tree, finished, node):
 
 
 @kernel
-def _look_closer(tree, corners, facing, t, light, biases, work, w, i):
-    """Decide the flags of sample i and triangle t in the careful test; what stays open goes to the pair buffer."""
+def _look_closer(tree, corners, facing, t, light, biases, work, w, n_pairs, i):
+    """Decide the flags of sample i and triangle t in the careful test.
+
+    What stays open goes to place `n_pairs` of the pair buffer of work node w. Return the number of pairs added.
+    """
     certain, undecided = classify(corners, t, facing[t], light, tree.position, i, tree.tie[i], biases)
-    flags = work.flags[i] | certain
-    work.flags[i] = flags
-    undecided &= ~flags
-    if undecided != 0:
-        k = work.n_pairs[w]
-        work.pair_sample[w, k], work.pair_triangle[w, k], work.pair_flags[w, k] = i, t, undecided
-        work.n_pairs[w] = k + 1
-    return flags
-
-
-@kernel
-def _walk(tree, frusta, corners, light, biases, t, planes, bound, stack, work, w, counts):
-    """Walk triangle t's frustum down from the root that `stack` holds."""
-    # Arrays are taken from their records once: doing so in the loop counts references.
-    box, children, samples, coordinate = tree.box, tree.children, tree.samples, tree.coordinate
-    tie_light, flags, finished = tree.tie_light, work.flags, work.finished
-    depth = 1
-    while depth > 0:
-        depth -= 1
-        node = stack[depth]
-        if finished[node]:
-            continue
-        if counts is not None:
-            counts.node_tests[w] += 1
-        x0, x1, y0, y1 = box[node, 0], box[node, 1], box[node, 2], box[node, 3]
-        if outside_box(bound, x0, x1, y0, y1, box[node, 6]):
-            continue
-        answer = planes_test(planes, x0, x1, y0, y1, box[node, 4], box[node, 5], box[node, 6])
-        if answer == REJECT:
-            continue
-        first, end = samples[node, 0], samples[node, 1]
-        if answer == ACCEPT:
-            for i in range(first, end):
-                flags[i] = ALL_FLAGS
-            _finish(tree, finished, node)
-            continue
-        if children[node, 0] < children[node, 1]:
-            for child in range(children[node, 0], children[node, 1]):
-                stack[depth] = child
-                depth += 1
-            continue
-        # A leaf: test its unfinished samples.
-        n_open = 0
-        for i in range(first, end):
-            if flags[i] & FINISHED == FINISHED:
-                continue
-            if counts is not None:
-                counts.sample_tests[w] += 1
-                counts.heat[i] += 1
-            x, y, r = coordinate[i, 0], coordinate[i, 1], coordinate[i, 2]
-            answer = planes_test(planes, x, x, y, y, r, r, tie_light[i])
-            if answer == ACCEPT:
-                flags[i] = ALL_FLAGS
-            elif answer == REJECT:
-                n_open += 1
-            elif _look_closer(tree, corners, frusta.facing, t, light, biases, work, w, i) & FINISHED != FINISHED:
-                n_open += 1
-        if n_open == 0:
-            _finish(tree, finished, node)
+    work.flags[i] |= certain
+    undecided &= ~work.flags[i]
+    if undecided == 0:
+        return 0
+    work.pair_sample[w, n_pairs], work.pair_triangle[w, n_pairs] = i, t
+    work.pair_flags[w, n_pairs] = undecided
+    return 1
 
 
 @kernel
 def _walk_work_node(tree, frusta, corners, space, biases, lists, ends, work, w, counts):
-    """Walk the list of one work node until it ends or its pair buffer may overflow."""
+    """Walk the list of one work node until it ends or its pair buffer may overflow.
+
+    One long function on purpose: arrays are taken from their records once, since each time counts references, over
+    which threads would fight.
+    """
+    box, children, samples, coordinate = tree.box, tree.children, tree.samples, tree.coordinate
+    tie_light, flags, finished, all_planes = tree.tie_light, work.flags, work.finished, frusta.planes
     stack = np.empty(STACK_SIZE, np.int64)
     top = tree.work_nodes[0] + w
-    face, n_samples = tree.face[top], tree.samples[top, 1] - tree.samples[top, 0]
-    k, end = work.next_item[w], ends[w]
-    while k < end and not work.finished[top]:
-        # A triangle leaves at most one pair per sample.
-        if work.n_pairs[w] + n_samples > work.pair_sample.shape[1]:
-            break
+    frame = face_frame(space, tree.face[top], biases)
+    # A triangle leaves at most one pair per sample.
+    most_pairs = work.pair_sample.shape[1] - (samples[top, 1] - samples[top, 0])
+    n_pairs, k, end = 0, work.next_item[w], ends[w]
+    while k < end and not finished[top] and n_pairs <= most_pairs:
         t = lists[k]
-        planes = face_planes(frusta, t, space, face, biases)
-        bound = triangle_box(corners, t, space, face, planes)
-        stack[0] = top
-        _walk(tree, frusta, corners, space.light, biases, t, planes, bound, stack, work, w, counts)
         k += 1
-    work.next_item[w] = end if work.finished[top] else k
+        planes = face_planes(all_planes, t, frame)
+        bound = triangle_box(corners, t, frame, planes)
+        stack[0], depth = top, 1
+        while depth > 0:
+            depth -= 1
+            node = stack[depth]
+            if finished[node]:
+                continue
+            if counts is not None:
+                counts.node_tests[w] += 1
+            x0, x1, y0, y1 = box[node, 0], box[node, 1], box[node, 2], box[node, 3]
+            if outside_box(bound, x0, x1, y0, y1, box[node, 6]):
+                continue
+            answer = planes_test(planes, x0, x1, y0, y1, box[node, 4], box[node, 5], box[node, 6])
+            if answer == REJECT:
+                continue
+            first, last = samples[node, 0], samples[node, 1]
+            if answer == ACCEPT:
+                flags[first:last] = ALL_FLAGS
+                _finish(tree, finished, node)
+                continue
+            if children[node, 0] < children[node, 1]:
+                for child in range(children[node, 0], children[node, 1]):
+                    stack[depth] = child
+                    depth += 1
+                continue
+            # A leaf: test its unfinished samples one by one.
+            n_open = 0
+            for i in range(first, last):
+                if flags[i] & FINISHED == FINISHED:
+                    continue
+                if counts is not None:
+                    counts.sample_tests[w] += 1
+                    counts.heat[i] += 1
+                x, y, r = coordinate[i, 0], coordinate[i, 1], coordinate[i, 2]
+                answer = planes_test(planes, x, x, y, y, r, r, tie_light[i])
+                if answer == ACCEPT:
+                    flags[i] = ALL_FLAGS
+                elif answer == REFINE:
+                    n_pairs += _look_closer(tree, corners, frusta.facing, t, space.light, biases, work, w, n_pairs, i)
+                if flags[i] & FINISHED != FINISHED:
+                    n_open += 1
+            if n_open == 0:
+                _finish(tree, finished, node)
+    work.n_pairs[w] = n_pairs
+    work.next_item[w] = end if finished[top] else k
 
 
 @parallel_kernel
@@ -235,7 +232,7 @@ def walk(tree, frusta, corners, space, biases, lists, ends, work, counts):
     ends : int64 (n_work,).
     work : `Work`, read and written.
     counts : `WalkCounts` or None.
-    (the others as in `count_reached`)
+    (the others as in `deal`)
     """
     for w in prange(len(ends)):
         _walk_work_node(tree, frusta, corners, space, biases, lists, ends, work, w, counts)

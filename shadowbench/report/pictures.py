@@ -45,8 +45,10 @@ def write_gbuffer(folder: Path, frame: Frame) -> Path:
     s = frame.samples
     shape = (s.rows, s.columns)
     triangle = np.where(s.triangle < 0, image_io.NO_TRIANGLE, s.triangle.astype(np.int64))
-    channels = {f"P.{axis}": s.position[:, i].reshape(shape).astype(np.float32) for i, axis in enumerate("XYZ")}
-    channels |= {f"N.{axis}": s.normal[:, i].reshape(shape).astype(np.float32) for i, axis in enumerate("XYZ")}
+    channels: dict[str, NDArray] = {}
+    for prefix, vectors in (("P", s.position), ("N", s.normal)):
+        for i, axis in enumerate("XYZ"):
+            channels[f"{prefix}.{axis}"] = vectors[:, i].reshape(shape).astype(np.float32)
     channels |= {"depth": s.depth.reshape(shape).astype(np.float32), "triangle": triangle.reshape(shape),
                  "candidate": s.candidate.reshape(shape)}
     image_io.write_exr(folder / "gbuffer.exr", channels)
@@ -84,7 +86,7 @@ def write_shadow_pictures(folder: Path, frame: Frame, buffer: ShadowBuffer, erro
     if heat is not None:
         add("heatmap.png", lambda: heat_map(frame, heat, title))
     for name, picture in buffer.images.items():
-        add(f"{name}.png", lambda picture=picture: picture)
+        add(f"{name}.png", partial(np.asarray, picture))
     with ThreadPoolExecutor() as pool:
         for done in [pool.submit(job) for job in jobs.values()]:
             done.result()

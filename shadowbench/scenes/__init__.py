@@ -1,0 +1,67 @@
+"""The built-in scenes: an explicit list that can be shown without importing any of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from shadowbench.scenes.procedural import ProceduralScene
+
+
+@dataclass(frozen=True)
+class SceneEntry:
+    """A built-in scene's line in the list.
+
+    Attributes
+    ----------
+    name : identifier, as in a scene file's ``generate:``.
+    summary : one line.
+    triangles : number of triangles where a scene file asks for none.
+    target : ``module:function`` of ``generate(triangles, seed) -> ProceduralScene``.
+    """
+
+    name: str
+    summary: str
+    triangles: int
+    target: str
+
+    def load(self) -> Callable[[int, int], ProceduralScene]:
+        """Import the scene's generator, and with it NumPy."""
+        module, _, name = self.target.partition(":")
+        generate: Callable[[int, int], ProceduralScene] = getattr(import_module(module), name)
+        return generate
+
+
+_ANALYTIC = "shadowbench.scenes.analytic"
+
+ALL_SCENES: tuple[SceneEntry, ...] = (
+    SceneEntry("citadel", "Walled town on a hill: open edges, one-sided terrain, long shadows; a fly-through",
+               60_000, "shadowbench.scenes.citadel:generate"),
+    SceneEntry("gate", "House seen through a near iron gate, tree shadows across the lawn between; a fly-through",
+               88_000, "shadowbench.scenes.gate:generate"),
+    SceneEntry("cubes", "Closed cubes floating in a room around the light",
+               12_000, "shadowbench.scenes.cubes:generate"),
+    SceneEntry("plane_square", "Square over a plane: its shadow is known in closed form",
+               52, f"{_ANALYTIC}:plane_square"),
+    SceneEntry("plane_disc", "Tilted regular polygon over a plane: its shadow is known in closed form",
+               72, f"{_ANALYTIC}:plane_disc"),
+    SceneEntry("plane_frame", "Frame with a hole over a plane: its shadow is known in closed form",
+               58, f"{_ANALYTIC}:plane_frame"),
+    SceneEntry("plane_box", "Box over a plane: its shadow is known in closed form",
+               62, f"{_ANALYTIC}:plane_box"),
+    SceneEntry("plane_tetrahedron", "Tetrahedron over a plane: its shadow is known in closed form",
+               54, f"{_ANALYTIC}:plane_tetrahedron"),
+    SceneEntry("slit", "Narrow slit between two walls: its light is known in closed form",
+               74, f"{_ANALYTIC}:slit"),
+    SceneEntry("treads", "Open staircase over a plane: its shadow is known in closed form",
+               134, f"{_ANALYTIC}:treads"),
+    SceneEntry("sunlit_square", "Square over a plane under a directional light: known in closed form",
+               52, f"{_ANALYTIC}:sunlit_square"),
+    SceneEntry("sunlit_boxes", "Two boxes shading each other under a directional light: known in closed form",
+               74, f"{_ANALYTIC}:sunlit_boxes"),
+)
+
+SCENES: dict[str, SceneEntry] = {entry.name: entry for entry in ALL_SCENES}

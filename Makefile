@@ -1,0 +1,46 @@
+# Everything here runs on a bare machine with Python 3.11 or newer, git and make.
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+BIN := .venv/bin
+RUN := $(BIN)/shadowbench
+
+.PHONY: help demo test test-slow bench lint clean
+help:
+	@echo "make demo       install, then run the citadel scene"
+	@echo "make test       install, then run the tests"
+	@echo "make test-slow  the exhaustive tests"
+	@echo "make bench      the performance bars, printed as ratios"
+	@echo "make lint       style, types and import rules"
+
+.venv/installed: pyproject.toml
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+.venv/installed-dev: .venv/installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,peers]'
+	@touch $@
+
+demo: .venv/installed
+	$(RUN) run configs/citadel.yaml
+	@echo
+	@echo "Open report.html in the folder above. What to try next:"
+	@echo "  $(RUN) list algorithms"
+	@echo "  $(RUN) run gate -a reference -a 'shadow_map[resolution=512]'"
+	@echo "  $(RUN) init my_scene      then edit my_scene.yaml and run it"
+
+test: .venv/installed-dev
+	$(BIN)/python -m pytest
+
+test-slow: .venv/installed-dev
+	$(BIN)/python -m pytest -m slow
+
+bench: .venv/installed-dev
+	$(BIN)/python -m pytest -m bench -s
+
+lint: .venv/installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+clean:
+	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis

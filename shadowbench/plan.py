@@ -1,0 +1,91 @@
+"""What to run: the cells of a run, the options that hold for all of them, and what run.json says beforehand."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from shadowbench import environment, jit
+from shadowbench.algorithms import ALGORITHMS
+from shadowbench.algorithms.base import Algorithm, AlgorithmParams
+from shadowbench.results import make_key, make_label
+from shadowbench.scene_models import GenerateEntry
+from shadowbench.scenes.loader import Scene
+
+EVERYTHING = frozenset({"counts", "timings", "images"})
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How to run.
+
+    Attributes
+    ----------
+    frames : frame numbers.
+    repeats : timed executions per cell.
+    threads : threads of the kernels.
+    only : subset of "counts", "timings", "images" to produce.
+    keep_going : True to go on after a failed cell.
+    """
+
+    frames: tuple[int, ...]
+    repeats: int = 3
+    threads: int = 1
+    only: frozenset[str] = EVERYTHING
+    keep_going: bool = True
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One measurement to make."""
+
+    frame: int
+    algorithm: Algorithm
+    label: str
+    key: str
+
+    @property
+    def name(self) -> str:
+        """The algorithm's id."""
+        return self.algorithm.name
+
+
+def plan_cells(scene: Scene, selections: Iterable[tuple[str, AlgorithmParams]], frames: Iterable[int]) -> list[Cell]:
+    """List the cells of a run, frame by frame, without repeats."""
+    digest = jit.sources_digest()
+    algorithms: dict[str, Algorithm] = {}
+    for name, params in selections:
+        changed = params.model_dump(exclude_defaults=True)
+        algorithms.setdefault(make_label(name, changed), ALGORITHMS[name].load()(params))
+    # What decides a cell's counts; the list of other algorithms does not, nor does where a mesh file lies.
+    config = scene.config.model_dump(mode="json", exclude={"algorithms", "matrix", "name"})
+    for entry in config["geometry"]:
+        entry.pop("mesh", None)
+    return [Cell(frame, algorithm, label,
+                 make_key(sources=digest, scene=config, meshes=sorted(scene.digests.values()), frame=frame,
+                          algorithm=algorithm.name, params=algorithm.params.model_dump(mode="json")))
+            for frame in frames for label, algorithm in algorithms.items()]
+
+
+def sweep(selections: Iterable[tuple[str, dict[str, Any]]], matrix: Mapping[str, Sequence[Any]]
+          ) -> list[tuple[str, dict[str, Any]]]:
+    """Expand ``matrix`` axes named ``algorithm.parameter`` into one selection per combination of values."""
+    expanded = []
+    for name, params in selections:
+        axes = {key.partition(".")[2]: values for key, values in matrix.items() if key.partition(".")[0] == name}
+        for values in itertools.product(*axes.values()):
+            expanded.append((name, {**params, **dict(zip(axes, values, strict=True))}))
+    return expanded
+
+
+def describe(scene: Scene, options: RunOptions, argv: list[str]) -> dict[str, Any]:
+    """Fields of run.json that are known before the run."""
+    return {"argv": argv, "scene": scene.name, "scene_file": None if scene.path is None else str(scene.path),
+            "digests": scene.digests, "image": asdict(scene.image), "bias": scene.bias,
+            "frames": list(options.frames), "repeats": options.repeats, "only": sorted(options.only),
+            "threads": options.threads,
+            "seeds": [entry.seed for entry in scene.config.geometry if isinstance(entry, GenerateEntry)],
+            "packages": environment.package_versions(), "git": environment.git_state(),
+            "processor": environment.processor()}

@@ -1,0 +1,52 @@
+"""Every real mesh runs: scene file, view samples, reference, shadow map, pictures."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shadowbench import commands
+from shadowbench.scenes.meshes import load_mesh
+
+NAMES = ("common/beetle.obj", "common/cheburashka.obj", "common/stanford-bunny.obj", "common/suzanne.obj",
+         "common/teapot.obj", "engine/2CylinderEngine.glb", "genesis_plaza/shell.glb", "genesis_plaza/street.glb",
+         "samurai_monastery/samurai_monastry.obj", "scans/boeing.off", "scans/bunny00.off", "scans/camel.off",
+         "scans/dragon_vrip.ply.gz", "scans/triceratops.off", "trees/grove_252.glb", "trees/oak_and_pine_mask.glb")
+
+
+def scene_text(mesh: Path) -> str:
+    """A scene file with the camera and the light fitted around a mesh."""
+    vertices = load_mesh(mesh).mesh.corners.reshape(-1, 3)
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    middle, size = (low + high) / 2, float(np.sqrt(((high - low) ** 2).sum()))
+
+    def place(*direction):
+        return [float(v) for v in middle + size * np.array(direction)]
+
+    camera = {"eye": place(0.7, 0.4, 0.6), "target": place(0, 0, 0), "near": size / 1000, "far": size * 10}
+    return json.dumps({"geometry": [{"mesh": str(mesh)}], "camera": camera, "light": {"position": place(-0.3, 1.2, 0.7)},
+                       "image": {"width": 200, "height": 150}})
+
+
+def test_the_list_of_models_is_complete(models):
+    kinds = {".obj", ".glb", ".off", ".gz", ".ply", ".stl", ".gltf"}
+    found = {path.relative_to(models).as_posix() for path in models.rglob("*") if path.suffix in kinds}
+    assert found == set(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_model_runs(name, models, tmp_path, capsys):
+    (tmp_path / "scene.yaml").write_text(scene_text(models / name))
+    code = commands.run(["test"], scenes=(str(tmp_path / "scene.yaml"),),
+                        specs=("reference", "shadow_map[resolution=256]"), overrides=(), frames=None, size=None,
+                        repeats=1, threads=2, out=tmp_path / "out", only=None, quick=False, dry_run=False,
+                        keep_going=True)
+    assert code == 0, capsys.readouterr().err
+    lines = [json.loads(line) for line in (tmp_path / "out" / "results.jsonl").read_text().splitlines()]
+    assert [line["status"] for line in lines] == ["done", "done"]
+    truth, approximate = (line["accuracy"] for line in lines)
+    assert truth["false_shadow"] == truth["false_light"] == truth["edge_tie"] == 0
+    assert truth["lit_candidates"] > 1000 and 0 < truth["shadowed"] < truth["lit_candidates"]
+    wrong = approximate["false_shadow"] + approximate["false_light"]
+    assert wrong < 0.2 * approximate["lit_candidates"]
