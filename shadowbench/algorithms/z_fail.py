@@ -74,18 +74,15 @@ class ZFail(Algorithm):
         with probe.stage("silhouette"):
             multiplicity = edge_multiplicities(adjacency, casters.facing)
         with probe.stage("volumes"):
-            limits = None
-            if params.scissor or params.depth_bounds:
-                limits = volume_limits(frame.mesh.corners, frame.mesh.part, casters.facing != 0, light, samples, view,
-                                       params.scissor, params.depth_bounds)
+            limits = volume_limits(frame.mesh.corners, frame.mesh.part, casters.facing != 0, light, samples, view,
+                                   params.scissor, params.depth_bounds)
             # A directional light's dark caps are points
             kind = VolumeKind(params.extrude == "triangle", not frame.light.is_directional)
             faces = make_faces(view, adjacency, light, casters, multiplicity, frame.bias, kind)
-        bits = stencil_volumes.COUNTING_BITS if probe.counting else params.stencil_bits
         with probe.stage("stencil"):
-            target = stencil_volumes.empty_stencil(samples, bits)
+            target = stencil_volumes.empty_stencil(samples)
             drawn = stencil_volumes.draw_volumes(view, faces, True, target, limits,
-                                                 n_triangles=frame.mesh.n_triangles if probe.counting else None)
+                                                 counting=probe.counting)
         with probe.stage("resolve"):
             shadow = stencil_volumes.resolve_stencil(target, params.stencil_bits, samples.candidate)
         for name, n_bytes in stencil_volumes.memory(faces, samples, params.stencil_bits).items():

@@ -80,19 +80,16 @@ class ZPass(Algorithm):
         with probe.stage("silhouette"):
             multiplicity = edge_multiplicities(adjacency, eye.casters.facing)
         with probe.stage("volumes"):
-            limits = None
-            if params.scissor or params.depth_bounds:
-                limits = volume_limits(frame.mesh.corners, frame.mesh.part, casters.facing != 0, light, samples, view,
-                                       params.scissor, params.depth_bounds)
+            limits = volume_limits(frame.mesh.corners, frame.mesh.part, casters.facing != 0, light, samples, view,
+                                   params.scissor, params.depth_bounds)
             kind = VolumeKind(params.extrude == "triangle", False)
             faces = make_faces(view, adjacency, light, eye.casters, multiplicity, frame.bias, kind)
-        bits = stencil_volumes.COUNTING_BITS if probe.counting else params.stencil_bits
         with probe.stage("stencil"):
-            target = stencil_volumes.empty_stencil(samples, bits)
-            stencil_volumes.add_eye_volumes(target, frame.mesh.part[eye.around], limits)
+            target = stencil_volumes.empty_stencil(samples)
+            stencil_volumes.add_eye_volumes(target, eye.around, limits)
             add_touching(eye.touching, adjacency, light, casters, frame.bias, view, target)
             drawn = stencil_volumes.draw_volumes(view, faces, False, target, limits,
-                                                 n_triangles=frame.mesh.n_triangles if probe.counting else None)
+                                                 counting=probe.counting)
         with probe.stage("resolve"):
             shadow = stencil_volumes.resolve_stencil(target, params.stencil_bits, samples.candidate)
         for name, n_bytes in stencil_volumes.memory(faces, samples, params.stencil_bits).items():

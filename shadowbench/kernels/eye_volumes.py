@@ -140,7 +140,6 @@ def _test_rows(worker, touching, adjacency, light, casters, bias, view, target):
     """Test one worker's share of the rows against the frusta that touch the eye."""
     first, end = chunk(worker, len(view.down))
     planes = np.empty((_N_PLANES, 4))
-    one = target.stencil.dtype.type(1)
     for i in range(len(touching)):
         _frustum_planes(touching[i], adjacency, light, casters, bias, view, planes)
         for row in range(first, end):
@@ -149,7 +148,7 @@ def _test_rows(worker, touching, adjacency, light, casters, bias, view, target):
                 x, depth = view.x[column], target.depth[row, column]
                 if (_value(planes, 3, x, down, depth) > 0.0 and _value(planes, 0, x, down, depth) >= 0.0
                         and _value(planes, 1, x, down, depth) >= 0.0 and _value(planes, 2, x, down, depth) >= 0.0):
-                    target.stencil[row, column] += one
+                    target.stencil[row, column] += np.uint32(1)
 
 
 @parallel_kernel

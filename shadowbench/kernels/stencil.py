@@ -11,7 +11,8 @@ A face that is seen edge-on can cover samples by rounding alone, and its plane c
 ray is cut with the face's borders, within its plane.
 
 Rows are dealt to a constant number of bands. A band owns its rows and draws its faces in their order, so results are
-the same for every number of threads. The stencil buffer holds unsigned integers that wrap around, as hardware does.
+the same for every number of threads. Stencil values are unsigned integers of 32 bits that wrap around. A narrower buffer,
+wrapping too, would hold their lowest bits: increments and decrements are sums modulo a power of two.
 """
 
 from typing import NamedTuple
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from shadowbench.jit import kernel, parallel_kernel, prange
 from shadowbench.kernels.orientation import orient2d
 from shadowbench.kernels.shadow_volumes import N_WORKERS
-from shadowbench.kernels.volume_faces import AT_INFINITY, BEHIND_PLANE, EDGE_ON_PLANE, Faces, first_at_or_after
+from shadowbench.kernels.volume_faces import AT_INFINITY, BEFORE_PLANE, BEHIND_PLANE, EDGE_ON_PLANE, Faces
 from shadowbench.kernels.volume_polygons import MAX_CORNERS
 
 N_BANDS = 64
@@ -44,11 +45,11 @@ class StencilTarget(NamedTuple):
     Attributes
     ----------
     depth : float64 (rows, columns), along the camera's forward axis; inf on background.
-    stencil : uint8, uint16 or uint32 (rows, columns).
+    stencil : uint32 (rows, columns).
     """
 
     depth: NDArray[np.float64]
-    stencil: NDArray[np.unsignedinteger]
+    stencil: NDArray[np.uint32]
 
 
 class VolumeLimits(NamedTuple):
@@ -97,21 +98,9 @@ class Bins(NamedTuple):
     face: NDArray[np.int64]
 
 
-class _Border(NamedTuple):
-    """The edges of the face at work that cross rows, and where they cross the current one.
-
-    Attributes
-    ----------
-    edge : float64 (9, 6), upper end x and down, lower end x and down, slope, error bound.
-    turn : int64 (9,), +1 for an edge that runs downwards, -1 upwards.
-    column : int64 (9,), first column at the right of each crossing, in increasing order.
-    crossing_turn : int64 (9,), `turn` of each crossing.
-    """
-
-    edge: NDArray[np.float64]
-    turn: NDArray[np.int64]
-    column: NDArray[np.int64]
-    crossing_turn: NDArray[np.int64]
+_UPPER_X, _UPPER_DOWN, _LOWER_X, _LOWER_DOWN, _SLOPE, _ERROR, _TURN = range(7)
+"""Columns of an edge of the face at work: its two ends, dx / dy, the error bound of its crossings, and +1 if the border
+runs downwards there, -1 if upwards."""
 
 
 @kernel
@@ -124,10 +113,8 @@ def _band_rows(n_rows):
 def _face_rows(faces, face, limits):
     """First and last row of a face, within its scissor."""
     first, last = np.int64(faces.rows[face, 0]), np.int64(faces.rows[face, 1])
-    if limits is not None:
-        part = limits.part[faces.triangle[face]]
-        first, last = max(first, np.int64(limits.rows[part, 0])), min(last, np.int64(limits.rows[part, 1]))
-    return first, last
+    part = limits.part[faces.triangle[face]]
+    return max(first, np.int64(limits.rows[part, 0])), min(last, np.int64(limits.rows[part, 1]))
 
 
 @kernel
@@ -166,7 +153,7 @@ def _scatter_all(n_rows, faces, limits, bins):
         _scatter_chunk(np.int64(worker), n_rows, faces, limits, bins)
 
 
-def bin_faces(n_rows: int, faces: Faces, limits: VolumeLimits | None) -> Bins:
+def bin_faces(n_rows: int, faces: Faces, limits: VolumeLimits) -> Bins:
     """Sort faces into bands by counting: count per worker and band, add up, scatter."""
     counted = np.zeros((N_BANDS, N_WORKERS), np.int64)
     _count_all(n_rows, faces, limits, counted)
@@ -180,75 +167,76 @@ def bin_faces(n_rows: int, faces: Faces, limits: VolumeLimits | None) -> Bins:
 
 
 @kernel
-def _set_up_border(faces, face, border):
+def _set_up_border(faces, face, edges):
     """Prepare the edges of a face; level ones cross no row. Return their number."""
     n = 0
-    polygon, n_corners = faces.polygon[face], faces.n_corners[face]
+    n_corners = faces.n_corners[face]
     for i in range(n_corners):
         j = i + 1 if i + 1 < n_corners else 0
-        if polygon[i, 1] != polygon[j, 1]:
-            turn = 1 if polygon[i, 1] < polygon[j, 1] else -1
-            upper, lower = (i, j) if turn > 0 else (j, i)
-            edge = border.edge[n]
-            edge[0], edge[1] = polygon[upper, 0], polygon[upper, 1]
-            edge[2], edge[3] = polygon[lower, 0], polygon[lower, 1]
-            edge[4] = (edge[2] - edge[0]) / (edge[3] - edge[1])
-            edge[5] = CROSSING_ERROR * (abs(edge[0]) + abs(edge[2]))
-            border.turn[n] = turn
+        down_i, down_j = faces.polygon[face, i, 1], faces.polygon[face, j, 1]
+        if down_i != down_j:
+            upper, lower = (i, j) if down_i < down_j else (j, i)
+            edges[n, _UPPER_X], edges[n, _LOWER_X] = faces.polygon[face, upper, 0], faces.polygon[face, lower, 0]
+            edges[n, _UPPER_DOWN], edges[n, _LOWER_DOWN] = min(down_i, down_j), max(down_i, down_j)
+            edges[n, _SLOPE] = ((edges[n, _LOWER_X] - edges[n, _UPPER_X])
+                                / (edges[n, _LOWER_DOWN] - edges[n, _UPPER_DOWN]))
+            edges[n, _ERROR] = CROSSING_ERROR * (abs(edges[n, _UPPER_X]) + abs(edges[n, _LOWER_X]))
+            edges[n, _TURN] = 1.0 if down_i < down_j else -1.0
             n += 1
     return n
 
 
 @kernel
-def _crossing_column(edge, view, down):
-    """First column at or right of the point where an edge crosses a row: exact."""
-    n = len(view.x)
-    x = edge[0] + (down - edge[1]) * edge[4]
-    column = first_at_or_after(view.x, view.columns_per_unit, x)
-    # Far from both neighbouring samples the float64 crossing decides
-    if ((column == n or view.x[column] > x + edge[5]) and (column == 0 or view.x[column - 1] < x - edge[5])):
-        return column
-    while column > 0 and orient2d(edge[0], edge[1], edge[2], edge[3], view.x[column - 1], down) <= 0:
+def _exact_column(edges, i, columns, down, column):
+    """Walk from a guess to the first column at or right of the point where an edge crosses a row."""
+    ax, ay = edges[i, _UPPER_X], edges[i, _UPPER_DOWN]
+    bx, by = edges[i, _LOWER_X], edges[i, _LOWER_DOWN]
+    while column > 0 and orient2d(ax, ay, bx, by, columns[column - 1], down) <= 0:
         column -= 1
-    while column < n and orient2d(edge[0], edge[1], edge[2], edge[3], view.x[column], down) > 0:
+    while column < len(columns) and orient2d(ax, ay, bx, by, columns[column], down) > 0:
         column += 1
     return column
 
 
 @kernel
-def _cross_row(border, n_edges, view, down):
-    """Find the columns where the edges cross a row, sorted. Return their number."""
+def _cross_row(edges, n_edges, columns, per_unit, down, crossings):
+    """Find the first columns at or right of the border's crossings with a row, sorted, each with its turn: exact."""
     n = 0
+    n_columns = len(columns)
     for i in range(n_edges):
-        edge = border.edge[i]
-        if edge[1] <= down < edge[3]:
-            column = _crossing_column(edge, view, down)
-            place = n
-            while place > 0 and border.column[place - 1] > column:
-                border.column[place] = border.column[place - 1]
-                border.crossing_turn[place] = border.crossing_turn[place - 1]
-                place -= 1
-            border.column[place], border.crossing_turn[place] = column, border.turn[i]
-            n += 1
+        if not edges[i, _UPPER_DOWN] <= down < edges[i, _LOWER_DOWN]:
+            continue
+        x = edges[i, _UPPER_X] + (down - edges[i, _UPPER_DOWN]) * edges[i, _SLOPE]
+        column = int(min(max((x - columns[0]) * per_unit + 1.0, 0.0), float(n_columns)))
+        # Far from both neighbouring samples the float64 crossing decides; otherwise the guess is walked from
+        error = edges[i, _ERROR]
+        if ((column < n_columns and not columns[column] > x + error)
+                or (column > 0 and not columns[column - 1] < x - error)):
+            column = _exact_column(edges, i, columns, down, column)
+        place = n
+        while place > 0 and crossings[place - 1, 0] > column:
+            crossings[place, 0], crossings[place, 1] = crossings[place - 1, 0], crossings[place - 1, 1]
+            place -= 1
+        crossings[place, 0], crossings[place, 1] = column, int(edges[i, _TURN])
+        n += 1
     return n
 
 
 @kernel
-def _meets_before(borders, x, down, depth):
+def _meets_before(faces, face, x, down, depth):
     """True if the ray of a sample meets a face that contains the ray, within its plane, no farther than the sample."""
     enter, leave = -np.inf, np.inf
     for i in range(4):
-        at_eye = borders[i, 0]
-        slope = borders[i, 3] + x * borders[i, 1] - down * borders[i, 2]
-        change = depth * slope
-        size = (abs(borders[i, 1]) + abs(borders[i, 2]) + abs(borders[i, 3])) * depth * (1.0 + abs(x) + abs(down))
-        if change == 0.0 or (abs(at_eye) <= BORDER_ERROR * size and abs(change) <= BORDER_ERROR * size):
+        at_eye = faces.borders[face, i, 0]
+        mx, my, mz = faces.borders[face, i, 1], faces.borders[face, i, 2], faces.borders[face, i, 3]
+        change = depth * (mz + x * mx - down * my)
+        noise = BORDER_ERROR * (abs(mx) + abs(my) + abs(mz)) * depth * (1.0 + abs(x) + abs(down))
+        if change == 0.0 or (abs(at_eye) <= noise and abs(change) <= noise):
             continue
-        t = -at_eye / change
         if change > 0.0:
-            enter = max(enter, t)
+            enter = max(enter, -at_eye / change)
         else:
-            leave = min(leave, t)
+            leave = min(leave, -at_eye / change)
     # Rounding may make the ray miss a corner that it passes through: take the point between its two borders
     if enter > leave:
         enter = 0.5 * (enter + leave)
@@ -262,75 +250,75 @@ def _is_behind(faces, face, x, down, depth):
     if side == AT_INFINITY:
         return depth < np.inf
     if side == EDGE_ON_PLANE:
-        return not _meets_before(faces.borders[face], x, down, depth)
-    plane = faces.plane[face]
-    f = plane[0] + depth * ((plane[3] - down * plane[2]) + x * plane[1])
+        return not _meets_before(faces, face, x, down, depth)
+    slope = (faces.plane[face, 3] - down * faces.plane[face, 2]) + x * faces.plane[face, 1]
+    f = faces.plane[face, 0] + depth * slope
     return f <= 0.0 if side == BEHIND_PLANE else f > 0.0
 
 
 @kernel
 def _draw_checked(face, row, first, end, amount, view, faces, z_fail, target, mask, depths, counts, entry):
     """Draw a span sample by sample, with whatever the fast loop leaves out."""
-    step = target.stencil.dtype.type(amount)
     for column in range(first, end):
         depth = target.depth[row, column]
         if counts is not None:
             counts.fragments[row, column] += abs(amount)
-        if mask is not None and not mask[row, column]:
-            continue
-        if not depths[0] <= depth <= depths[1]:
+        if not depths[0] <= depth <= depths[1] or (len(mask) > 0 and not mask[row, column]):
             continue
         if counts is not None:
             counts.depth_tests[row, column] += abs(amount)
         if _is_behind(faces, face, view.x[column], view.down[row], depth) == z_fail:
-            target.stencil[row, column] += step
+            target.stencil[row, column] += np.uint32(amount)
             if counts is not None:
                 counts.updates[row, column] += abs(amount)
                 counts.per_entry[entry] += abs(amount)
 
 
 @kernel
-def _draw_fast(face, row, first, end, amount, view, faces, z_fail, target):
-    """Draw a span of a face whose plane the eye is not in."""
-    plane = faces.plane[face]
-    value, across = plane[0], plane[1]
-    along = plane[3] - view.down[row] * plane[2]
-    step, nothing = target.stencil.dtype.type(amount), target.stencil.dtype.type(0)
+def _draw_fast(first, end, step, value, along, across, side, row, columns, depth, stencil):
+    """Draw a span of a face whose plane the eye is not in, where f <= 0 (`side` BEHIND_PLANE) or f > 0."""
+    nothing = np.uint32(0)
     # Unsigned indices need no test for negative ones, which lets the loop become vector code
-    if (faces.eye_side[face] == BEHIND_PLANE) == z_fail:
+    if side == BEHIND_PLANE:
         for column in range(np.uint64(first), np.uint64(end)):
-            f = value + target.depth[row, column] * (along + view.x[column] * across)
-            target.stencil[row, column] += step if f <= 0.0 else nothing
+            f = value + depth[row, column] * (along + columns[column] * across)
+            stencil[row, column] += step if f <= 0.0 else nothing
     else:
         for column in range(np.uint64(first), np.uint64(end)):
-            f = value + target.depth[row, column] * (along + view.x[column] * across)
-            target.stencil[row, column] += step if f > 0.0 else nothing
+            f = value + depth[row, column] * (along + columns[column] * across)
+            stencil[row, column] += step if f > 0.0 else nothing
 
 
 @kernel
-def _draw_face(face, first_row, last_row, view, faces, z_fail, target, limits, mask, border, counts, entry):
+def _draw_face(face, first_row, last_row, view, faces, z_fail, target, limits, mask, room, counts, entry):
     """Draw the rows of a face that one band owns."""
-    n_edges = _set_up_border(faces, face, border)
-    left, right, depths = 0, len(view.x), (-np.inf, np.inf)
-    if limits is not None:
-        part = limits.part[faces.triangle[face]]
-        left, right = np.int64(limits.columns[part, 0]), np.int64(limits.columns[part, 1]) + 1
-        depths = (limits.depths[part, 0], limits.depths[part, 1])
-    side = faces.eye_side[face]
-    fast = side != EDGE_ON_PLANE and side != AT_INFINITY and limits is None and mask is None and counts is None
-    sign = -faces.multiplicity[face] if z_fail else faces.multiplicity[face]
+    # Records stay out of the loop: each use of one costs more than a row
+    columns, rows, depth, stencil, per_unit = view.x, view.down, target.depth, target.stencil, view.columns_per_unit
+    edges, crossings = room
+    n_edges = _set_up_border(faces, face, edges)
+    part = limits.part[faces.triangle[face]]
+    left, right = np.int64(limits.columns[part, 0]), np.int64(limits.columns[part, 1]) + 1
+    depths = (limits.depths[part, 0], limits.depths[part, 1])
+    side, sign = faces.eye_side[face], np.int64(-faces.multiplicity[face] if z_fail else faces.multiplicity[face])
+    fast = side != EDGE_ON_PLANE and side != AT_INFINITY and len(mask) == 0 and counts is None
+    fast = fast and depths[0] == -np.inf and depths[1] == np.inf
+    shadow_side = side if z_fail else BEHIND_PLANE + BEFORE_PLANE - side
+    value, across = faces.plane[face, 0], faces.plane[face, 1]
+    upwards, forwards = faces.plane[face, 2], faces.plane[face, 3]
     for row in range(first_row, last_row + 1):
-        n_crossings = _cross_row(border, n_edges, view, view.down[row])
+        n_crossings = _cross_row(edges, n_edges, columns, per_unit, rows[row], crossings)
         winding = 0
         for i in range(n_crossings - 1):
-            winding += border.crossing_turn[i]
-            first, end = max(left, border.column[i]), min(right, border.column[i + 1])
-            if winding != 0 and first < end:
-                if fast:
-                    _draw_fast(face, row, first, end, sign * winding, view, faces, z_fail, target)
-                else:
-                    _draw_checked(face, row, first, end, sign * winding, view, faces, z_fail, target, mask, depths,
-                                  counts, entry)
+            winding += crossings[i, 1]
+            first, end = max(left, crossings[i, 0]), min(right, crossings[i + 1, 0])
+            if winding == 0 or first >= end:
+                continue
+            amount = sign * winding
+            if fast:
+                _draw_fast(first, end, np.uint32(amount), value, forwards - rows[row] * upwards, across,
+                           shadow_side, row, columns, depth, stencil)
+            else:
+                _draw_checked(face, row, first, end, amount, view, faces, z_fail, target, mask, depths, counts, entry)
 
 
 @kernel
@@ -339,12 +327,11 @@ def _draw_band(band, view, faces, bins, z_fail, target, limits, mask, counts):
     n_rows = _band_rows(len(view.down))
     first_row = band * n_rows
     last_row = min(first_row + n_rows, len(view.down)) - 1
-    border = _Border(np.empty((MAX_CORNERS, 6)), np.empty(MAX_CORNERS, np.int64), np.empty(MAX_CORNERS, np.int64),
-                     np.empty(MAX_CORNERS, np.int64))
+    room = np.empty((MAX_CORNERS, 7)), np.empty((MAX_CORNERS, 2), np.int64)
     for entry in range(bins.offset[band, 0], bins.offset[band, N_WORKERS]):
         face = bins.face[entry]
         first, last = _face_rows(faces, face, limits)
-        _draw_face(face, max(first, first_row), min(last, last_row), view, faces, z_fail, target, limits, mask, border,
+        _draw_face(face, max(first, first_row), min(last, last_row), view, faces, z_fail, target, limits, mask, room,
                    counts, entry)
 
 
@@ -359,8 +346,9 @@ def draw_faces(view, faces, bins, z_fail, target, limits, mask, counts):
     bins : Bins of the faces.
     z_fail : True to count faces behind the samples, False to count those before them.
     target : StencilTarget, updated in place.
-    limits : VolumeLimits or None: scissor and depth bounds.
-    mask : bool (rows, columns) or None: the samples on which volumes are drawn (Chan and Durand 2004, sec. 3).
+    limits : VolumeLimits: scissor and depth bounds.
+    mask : bool (rows, columns), the samples on which volumes are drawn (Chan and Durand 2004, sec. 3); bool (0, 0) for
+        all of them.
     counts : StencilCounts or None.
     """
     for worker in prange(N_BANDS):

@@ -24,8 +24,7 @@ NEAREST_BEFORE = 2.0**-20
 """z-pass draws faces from this share of the near depth on. What lies between the eye and that depth is settled by the
 eye count, so it is as small as the rounding of view space (2^-52 of the largest coordinate) lets it be."""
 
-COUNTING_BITS = 32
-"""Counting builds keep whole counts, and wrap them when the frame is finished: modular sums give the same bits."""
+NO_MASK = np.zeros((0, 0), np.bool_)
 
 
 class PreparedVolumes(NamedTuple):
@@ -77,51 +76,48 @@ def choose_casters(corners, light: NDArray[np.float64], casters: str, closed) ->
     return select_casters(casters, sides, closed)
 
 
-def empty_stencil(samples, bits: int) -> StencilTarget:
+def empty_stencil(samples) -> StencilTarget:
     """Make a stencil buffer that is all zero."""
     shape = (samples.rows, samples.columns)
-    return StencilTarget(samples.depth.reshape(shape), np.zeros(shape, np.dtype(f"u{bits // 8}")))
+    return StencilTarget(samples.depth.reshape(shape), np.zeros(shape, np.uint32))
 
 
-def add_eye_volumes(target: StencilTarget, parts: NDArray[np.int32], limits: VolumeLimits | None) -> None:
+def add_eye_volumes(target: StencilTarget, around: NDArray[np.int64], limits: VolumeLimits) -> None:
     """Start the count from the volumes that contain the eye, each within the limits of its part.
 
     Parameters
     ----------
     target : updated in place.
-    parts : int32 (n,), the part of each triangle whose frustum contains the eye.
-    limits : VolumeLimits or None.
+    around : int64 (n,), triangles whose frusta contain the eye.
+    limits : VolumeLimits.
     """
-    if limits is None:
-        target.stencil[:] += np.array(len(parts)).astype(target.stencil.dtype)
-        return
-    for part, n_around in zip(*np.unique(parts, return_counts=True), strict=True):
+    for part, n_around in zip(*np.unique(limits.part[around], return_counts=True), strict=True):
         inside = (slice(limits.rows[part, 0], limits.rows[part, 1] + 1),
                   slice(limits.columns[part, 0], limits.columns[part, 1] + 1))
         depth = target.depth[inside]
         within = (depth >= limits.depths[part, 0]) & (depth <= limits.depths[part, 1])
-        target.stencil[inside] += within * n_around.astype(target.stencil.dtype)
+        target.stencil[inside] += within * np.uint32(n_around)
 
 
-def draw_volumes(view, faces: Faces, z_fail: bool, target: StencilTarget, limits: VolumeLimits | None,
-                 mask: NDArray[np.bool_] | None = None, n_triangles: int | None = None) -> Drawn | None:
-    """Draw faces into a stencil buffer, and count if `n_triangles` is given; see `stencil.draw_faces`."""
+def draw_volumes(view, faces: Faces, z_fail: bool, target: StencilTarget, limits: VolumeLimits,
+                 mask: NDArray[np.bool_] = NO_MASK, counting: bool = False) -> Drawn | None:
+    """Draw faces into a stencil buffer, and count if `counting`; see `stencil.draw_faces`."""
     bins = bin_faces(len(view.down), faces, limits)
-    if n_triangles is None:
+    if not counting:
         draw_faces(view, faces, bins, z_fail, target, limits, mask, None)
         return None
     counts = StencilCounts(*(np.zeros(target.stencil.shape, np.int64) for _ in range(3)),
                            np.zeros(len(bins.face), np.int64))
     draw_faces(view, faces, bins, z_fail, target, limits, mask, counts)
-    per_triangle = np.zeros(n_triangles, np.int64)
+    per_triangle = np.zeros(len(limits.part), np.int64)
     np.add.at(per_triangle, faces.triangle[bins.face], counts.per_entry)
     return Drawn(counts, per_triangle)
 
 
 def resolve_stencil(target: StencilTarget, bits: int, candidate: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Read the shadow off a stencil buffer that wraps at `bits`: float32 (n_samples,), 1 where it is not zero."""
-    value = target.stencil & target.stencil.dtype.type(2**bits - 1)
-    return ((value.reshape(-1) != 0) & candidate).astype(np.float32)
+    """Read the shadow off a stencil buffer of so many bits: float32 (n_samples,), 1 where its value is not zero."""
+    value = target.stencil.reshape(-1) & np.uint32(2**bits - 1)
+    return ((value != 0) & candidate).astype(np.float32)
 
 
 def memory(faces: Faces, samples, bits: int) -> dict[str, int]:
@@ -132,7 +128,7 @@ def memory(faces: Faces, samples, bits: int) -> dict[str, int]:
 
 
 def totals(drawn: Drawn, target: StencilTarget, bits: int, samples) -> dict[str, int]:
-    """Counts of a frame by name, from a stencil buffer of COUNTING_BITS."""
+    """Counts of a frame by name."""
     counts = target.stencil.view(np.int32).astype(np.int64)
     surface = (samples.triangle >= 0).reshape(counts.shape)
     overflow = surface & (counts >= 2**bits)

@@ -55,6 +55,12 @@ def _screen_bounds(box, view):
     return (x.min() - slack, x.max() + slack), (down.min() - slack, down.max() + slack), depths
 
 
+def no_limits(n_triangles: int, samples) -> VolumeLimits:
+    """Let everything through: one part that may reach all samples."""
+    return VolumeLimits(np.zeros(n_triangles, np.int32), np.int32([[0, samples.rows - 1]]),
+                        np.int32([[0, samples.columns - 1]]), np.array([[-np.inf, np.inf]]))
+
+
 def volume_limits(corners, part, casting, light, samples, view, scissor: bool, depth_bounds: bool) -> VolumeLimits:
     """Find scissor and depth bounds of every part.
 
@@ -68,6 +74,8 @@ def volume_limits(corners, part, casting, light, samples, view, scissor: bool, d
     view : VolumeView.
     scissor, depth_bounds : which of the two to find; the other lets everything through.
     """
+    if not scissor and not depth_bounds:
+        return no_limits(len(part), samples)
     n_parts = int(part.max(initial=0)) + 1
     rows, columns = np.tile(np.int32([0, -1]), (n_parts, 1)), np.tile(np.int32([0, -1]), (n_parts, 1))
     depths = np.tile([-np.inf, np.inf], (n_parts, 1))
