@@ -36,7 +36,7 @@ from numba import prange
 from numba.core.event import Event, Listener, register, unregister
 from platformdirs import user_cache_path
 
-__all__ = ["CompileWatch", "cache_folder", "inlined_kernel", "kernel", "n_threads", "parallel_kernel", "prange",
+__all__ = ["CompileWatch", "cache_folder", "kernel", "n_threads", "parallel_kernel", "prange",
            "set_threads", "sources_digest"]
 
 
@@ -73,11 +73,6 @@ _OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": F
 
 kernel: Any = numba.njit(**_OPTIONS)
 """Decorator of a serial kernel."""
-
-inlined_kernel: Any = numba.njit(inline="always", **_OPTIONS)
-"""Decorator of a part of a serial kernel: its statements are copied into every caller. A call that passes a record
-takes and drops a reference count per array of the record, which in an inner loop costs more than the work."""
-
 
 class parallel_kernel:
     """Decorator of a parallel kernel: one ``prange`` over workers whose body only calls serial kernels.
