@@ -1,11 +1,11 @@
 """The certified reference against the definition, word for word, on scenes that try to break it."""
 
-import brute_force
 import numpy as np
 import pytest
 
 from shadowbench.reference import bias_floor, certified, certified_shadows
 from shadowbench.reference.exact import exact_facing, exact_flags
+from tests import brute_force
 
 KINDS = ("generic", "grid", "degenerate", "light_on_triangle", "slivers", "grazing", "small", "large",
          "translated", "tiny", "huge", "enormous")

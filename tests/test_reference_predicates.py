@@ -1,6 +1,5 @@
 """The float64 filters against rational arithmetic: what they decide is never wrong, and they decide most."""
 
-import brute_force
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,6 +7,7 @@ from hypothesis import strategies as st
 
 from shadowbench.reference.exact import exact_facing, exact_flags, to_integers
 from shadowbench.reference.predicates import ALL_FLAGS, classify, compare, triangle_facing
+from tests import brute_force
 
 MODERATE = st.floats(-1e3, 1e3, allow_subnormal=True)
 ANY_FINITE = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=True)
