@@ -277,8 +277,8 @@ def _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts):
 
 
 @parallel_kernel
-def _traverse_tiles(tree, frusta, planes, tests, depth, shadow, counts):
-    for worker in prange(tree.levels[0].grid_x * tree.levels[0].grid_y):
+def _traverse_tiles(n_tiles, tree, frusta, planes, tests, depth, shadow, counts):
+    for worker in prange(n_tiles):
         _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts)
 
 
@@ -298,7 +298,8 @@ def traverse(tree, frusta, planes, depth, shadow, counts):
         return
     tests = RootTests(np.empty(n_frusta, np.uint64), np.empty(n_frusta, np.uint64))
     _test_root(tree, frusta, planes, tests)
-    _traverse_tiles(tree, frusta, planes, tests, depth, shadow, counts)
+    n_tiles = int(tree.levels[0]["grid_x"]) * int(tree.levels[0]["grid_y"])
+    _traverse_tiles(n_tiles, tree, frusta, planes, tests, depth, shadow, counts)
     if counts is not None:
         counts.visits[0] = n_frusta
 

@@ -1,0 +1,355 @@
+"""Drawing shadow volumes into a stencil buffer: which samples a face covers, and whether it is behind them.
+
+Coverage is the winding number of the face's border around the sample, found row by row: the border's edges that cross
+the row each cut it at one column, found with the exact sign of orient2d, and a sample on an edge lies to its right.
+Faces that close a volume share their edges bit for bit, so the winding numbers of a volume add up to the same
+constant everywhere, whatever their shapes. A face that covers a sample is behind it if the sample and the eye lie
+on the same side of the face's plane, and before it otherwise: no depth of the face is ever computed. In the row of a
+sample, the plane's function is linear in the ray's column times the sample's depth, so a span is one short loop.
+
+A face that is seen edge-on can cover samples by rounding alone, and its plane can't tell before from behind. There the
+ray is cut with the face's borders, within its plane.
+
+Rows are dealt to a constant number of bands. A band owns its rows and draws its faces in their order, so results are
+the same for every number of threads. Stencil values are unsigned integers of 32 bits that wrap around. A narrower buffer,
+wrapping too, would hold their lowest bits: increments and decrements are sums modulo a power of two.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.kernels.orientation import orient2d
+from shadowbench.kernels.shadow_volumes import N_WORKERS
+from shadowbench.kernels.volume_faces import AT_INFINITY, BEFORE_PLANE, BEHIND_PLANE, EDGE_ON_PLANE, Faces
+from shadowbench.kernels.volume_polygons import MAX_CORNERS
+
+N_BANDS = 64
+_BAND_STRIDE = 27
+"""Coprime to N_BANDS: neighbouring workers get bands far apart, so each thread sees all parts of the screen."""
+
+CROSSING_ERROR = 32.0 * 2.0**-53
+"""Bounds the rounding error of a crossing's position relative to its edge's ends: six roundings, with room to spare."""
+
+BORDER_ERROR = 64.0 * 2.0**-53
+"""A ray runs along a border of a face, within rounding, if eye and sample are both closer to it than this."""
+
+Grid = NDArray[np.int64]
+
+
+class StencilTarget(NamedTuple):
+    """The samples and their stencil values.
+
+    Attributes
+    ----------
+    depth : float64 (rows, columns), along the camera's forward axis; inf on background.
+    stencil : uint32 (rows, columns).
+    """
+
+    depth: NDArray[np.float64]
+    stencil: NDArray[np.uint32]
+
+
+class VolumeLimits(NamedTuple):
+    """Where the volumes of each part of the scene can reach a sample; see `volume_limits`.
+
+    Attributes
+    ----------
+    part : int32 (n_triangles,).
+    rows, columns : int32 (n_parts, 2), first and last that are drawn: the scissor.
+    depths : float64 (n_parts, 2), nearest and farthest sample that is drawn: the depth bounds.
+    """
+
+    part: NDArray[np.int32]
+    rows: NDArray[np.int32]
+    columns: NDArray[np.int32]
+    depths: NDArray[np.float64]
+
+
+class StencilCounts(NamedTuple):
+    """Operation counts of stencil drawing, per sample and per triangle.
+
+    Attributes
+    ----------
+    fragments : int64 (rows, columns), faces that cover the sample, each as often as it is drawn.
+    depth_tests : int64 (rows, columns), fragments that the mask and the depth bounds let through.
+    updates : int64 (rows, columns), depth tests that changed the stencil value.
+    per_entry : int64 (n_entries,), stencil updates of each entry of the bands' lists.
+    """
+
+    fragments: Grid
+    depth_tests: Grid
+    updates: Grid
+    per_entry: NDArray[np.int64]
+
+
+class Bins(NamedTuple):
+    """Faces per band.
+
+    Attributes
+    ----------
+    offset : int64 (N_BANDS, N_WORKERS + 1), where the faces of each band and worker start.
+    face : int64 (n_entries,), band by band, in increasing order within each.
+    """
+
+    offset: NDArray[np.int64]
+    face: NDArray[np.int64]
+
+
+_UPPER_X, _UPPER_DOWN, _LOWER_X, _LOWER_DOWN, _SLOPE, _ERROR, _TURN = range(7)
+"""Columns of an edge of the face at work: its two ends, dx / dy, the error bound of its crossings, and +1 if the border
+runs downwards there, -1 if upwards."""
+
+
+@kernel
+def _band_rows(n_rows):
+    """Rows in each band."""
+    return (n_rows + N_BANDS - 1) // N_BANDS
+
+
+@kernel
+def _face_rows(faces, face, limits):
+    """First and last row of a face, within its scissor."""
+    first, last = np.int64(faces.rows[face, 0]), np.int64(faces.rows[face, 1])
+    part = limits.part[faces.triangle[face]]
+    return max(first, np.int64(limits.rows[part, 0])), min(last, np.int64(limits.rows[part, 1]))
+
+
+@kernel
+def _count_chunk(worker, n_rows, faces, limits, counted):
+    """Count one worker's faces per band."""
+    band_rows = _band_rows(n_rows)
+    for face in range(faces.first[worker], faces.end[worker]):
+        first, last = _face_rows(faces, face, limits)
+        if first <= last:
+            for band in range(first // band_rows, last // band_rows + 1):
+                counted[band, worker] += 1
+
+
+@kernel
+def _scatter_chunk(worker, n_rows, faces, limits, bins):
+    """Write one worker's faces into the bands."""
+    band_rows = _band_rows(n_rows)
+    place = bins.offset[:, worker].copy()
+    for face in range(faces.first[worker], faces.end[worker]):
+        first, last = _face_rows(faces, face, limits)
+        if first <= last:
+            for band in range(first // band_rows, last // band_rows + 1):
+                bins.face[place[band]] = face
+                place[band] += 1
+
+
+@parallel_kernel
+def _count_all(n_rows, faces, limits, counted):
+    for worker in prange(N_WORKERS):
+        _count_chunk(np.int64(worker), n_rows, faces, limits, counted)
+
+
+@parallel_kernel
+def _scatter_all(n_rows, faces, limits, bins):
+    for worker in prange(N_WORKERS):
+        _scatter_chunk(np.int64(worker), n_rows, faces, limits, bins)
+
+
+def bin_faces(n_rows: int, faces: Faces, limits: VolumeLimits) -> Bins:
+    """Sort faces into bands by counting: count per worker and band, add up, scatter."""
+    counted = np.zeros((N_BANDS, N_WORKERS), np.int64)
+    _count_all(n_rows, faces, limits, counted)
+    ends = np.cumsum(counted.ravel()).reshape(N_BANDS, N_WORKERS)
+    offset = np.zeros((N_BANDS, N_WORKERS + 1), np.int64)
+    offset[:, 1:] = ends
+    offset[1:, 0] = ends[:-1, -1]
+    bins = Bins(offset, np.empty(int(ends[-1, -1]), np.int64))
+    _scatter_all(n_rows, faces, limits, bins)
+    return bins
+
+
+@kernel
+def _set_up_border(faces, face, edges):
+    """Prepare the edges of a face; level ones cross no row. Return their number."""
+    n = 0
+    n_corners = faces.n_corners[face]
+    for i in range(n_corners):
+        j = i + 1 if i + 1 < n_corners else 0
+        down_i, down_j = faces.polygon[face, i, 1], faces.polygon[face, j, 1]
+        if down_i != down_j:
+            upper, lower = (i, j) if down_i < down_j else (j, i)
+            edges[n, _UPPER_X], edges[n, _LOWER_X] = faces.polygon[face, upper, 0], faces.polygon[face, lower, 0]
+            edges[n, _UPPER_DOWN], edges[n, _LOWER_DOWN] = min(down_i, down_j), max(down_i, down_j)
+            edges[n, _SLOPE] = ((edges[n, _LOWER_X] - edges[n, _UPPER_X])
+                                / (edges[n, _LOWER_DOWN] - edges[n, _UPPER_DOWN]))
+            edges[n, _ERROR] = CROSSING_ERROR * (abs(edges[n, _UPPER_X]) + abs(edges[n, _LOWER_X]))
+            edges[n, _TURN] = 1.0 if down_i < down_j else -1.0
+            n += 1
+    return n
+
+
+@kernel
+def _exact_column(edges, i, columns, down, column):
+    """Walk from a guess to the first column at or right of the point where an edge crosses a row."""
+    ax, ay = edges[i, _UPPER_X], edges[i, _UPPER_DOWN]
+    bx, by = edges[i, _LOWER_X], edges[i, _LOWER_DOWN]
+    while column > 0 and orient2d(ax, ay, bx, by, columns[column - 1], down) <= 0:
+        column -= 1
+    while column < len(columns) and orient2d(ax, ay, bx, by, columns[column], down) > 0:
+        column += 1
+    return column
+
+
+@kernel
+def _cross_row(edges, n_edges, columns, per_unit, down, crossings):
+    """Find the first columns at or right of the border's crossings with a row, sorted, each with its turn: exact."""
+    n = 0
+    n_columns = len(columns)
+    for i in range(n_edges):
+        if not edges[i, _UPPER_DOWN] <= down < edges[i, _LOWER_DOWN]:
+            continue
+        x = edges[i, _UPPER_X] + (down - edges[i, _UPPER_DOWN]) * edges[i, _SLOPE]
+        column = int(min(max((x - columns[0]) * per_unit + 1.0, 0.0), float(n_columns)))
+        # Far from both neighbouring samples the float64 crossing decides; otherwise the guess is walked from
+        error = edges[i, _ERROR]
+        if ((column < n_columns and not columns[column] > x + error)
+                or (column > 0 and not columns[column - 1] < x - error)):
+            column = _exact_column(edges, i, columns, down, column)
+        place = n
+        while place > 0 and crossings[place - 1, 0] > column:
+            crossings[place, 0], crossings[place, 1] = crossings[place - 1, 0], crossings[place - 1, 1]
+            place -= 1
+        crossings[place, 0], crossings[place, 1] = column, int(edges[i, _TURN])
+        n += 1
+    return n
+
+
+@kernel
+def _meets_before(faces, face, x, down, depth):
+    """True if the ray of a sample meets a face that contains the ray, within its plane, no farther than the sample."""
+    enter, leave = -np.inf, np.inf
+    for i in range(4):
+        at_eye = faces.borders[face, i, 0]
+        mx, my, mz = faces.borders[face, i, 1], faces.borders[face, i, 2], faces.borders[face, i, 3]
+        change = depth * (mz + x * mx - down * my)
+        noise = BORDER_ERROR * (abs(mx) + abs(my) + abs(mz)) * depth * (1.0 + abs(x) + abs(down))
+        if change == 0.0 or (abs(at_eye) <= noise and abs(change) <= noise):
+            continue
+        if change > 0.0:
+            enter = max(enter, -at_eye / change)
+        else:
+            leave = min(leave, -at_eye / change)
+    # Rounding may make the ray miss a corner that it passes through: take the point between its two borders
+    if enter > leave:
+        enter = 0.5 * (enter + leave)
+    return enter <= 1.0
+
+
+@kernel
+def _is_behind(faces, face, x, down, depth):
+    """True if a face that covers a sample lies behind it."""
+    side = faces.eye_side[face]
+    if side == AT_INFINITY:
+        return depth < np.inf
+    if side == EDGE_ON_PLANE:
+        return not _meets_before(faces, face, x, down, depth)
+    slope = (faces.plane[face, 3] - down * faces.plane[face, 2]) + x * faces.plane[face, 1]
+    f = faces.plane[face, 0] + depth * slope
+    return f <= 0.0 if side == BEHIND_PLANE else f > 0.0
+
+
+@kernel
+def _draw_checked(face, row, first, end, amount, view, faces, z_fail, target, mask, depths, counts, entry):
+    """Draw a span sample by sample, with whatever the fast loop leaves out."""
+    for column in range(first, end):
+        depth = target.depth[row, column]
+        if counts is not None:
+            counts.fragments[row, column] += abs(amount)
+        if not depths[0] <= depth <= depths[1] or (len(mask) > 0 and not mask[row, column]):
+            continue
+        if counts is not None:
+            counts.depth_tests[row, column] += abs(amount)
+        if _is_behind(faces, face, view.x[column], view.down[row], depth) == z_fail:
+            target.stencil[row, column] += np.uint32(amount)
+            if counts is not None:
+                counts.updates[row, column] += abs(amount)
+                counts.per_entry[entry] += abs(amount)
+
+
+@kernel
+def _draw_fast(first, end, step, value, along, across, side, row, columns, depth, stencil):
+    """Draw a span of a face whose plane the eye is not in, where f <= 0 (`side` BEHIND_PLANE) or f > 0."""
+    nothing = np.uint32(0)
+    # Unsigned indices need no test for negative ones, which lets the loop become vector code
+    if side == BEHIND_PLANE:
+        for column in range(np.uint64(first), np.uint64(end)):
+            f = value + depth[row, column] * (along + columns[column] * across)
+            stencil[row, column] += step if f <= 0.0 else nothing
+    else:
+        for column in range(np.uint64(first), np.uint64(end)):
+            f = value + depth[row, column] * (along + columns[column] * across)
+            stencil[row, column] += step if f > 0.0 else nothing
+
+
+@kernel
+def _draw_face(face, first_row, last_row, view, faces, z_fail, target, limits, mask, room, counts, entry):
+    """Draw the rows of a face that one band owns."""
+    # Records stay out of the loop: each use of one costs more than a row
+    columns, rows, depth, stencil, per_unit = view.x, view.down, target.depth, target.stencil, view.columns_per_unit
+    edges, crossings = room
+    n_edges = _set_up_border(faces, face, edges)
+    part = limits.part[faces.triangle[face]]
+    left, right = np.int64(limits.columns[part, 0]), np.int64(limits.columns[part, 1]) + 1
+    depths = (limits.depths[part, 0], limits.depths[part, 1])
+    side, sign = faces.eye_side[face], np.int64(-faces.multiplicity[face] if z_fail else faces.multiplicity[face])
+    fast = side != EDGE_ON_PLANE and side != AT_INFINITY and len(mask) == 0 and counts is None
+    fast = fast and depths[0] == -np.inf and depths[1] == np.inf
+    shadow_side = side if z_fail else BEHIND_PLANE + BEFORE_PLANE - side
+    value, across = faces.plane[face, 0], faces.plane[face, 1]
+    upwards, forwards = faces.plane[face, 2], faces.plane[face, 3]
+    for row in range(first_row, last_row + 1):
+        n_crossings = _cross_row(edges, n_edges, columns, per_unit, rows[row], crossings)
+        winding = 0
+        for i in range(n_crossings - 1):
+            winding += crossings[i, 1]
+            first, end = max(left, crossings[i, 0]), min(right, crossings[i + 1, 0])
+            if winding == 0 or first >= end:
+                continue
+            amount = sign * winding
+            if fast:
+                _draw_fast(first, end, np.uint32(amount), value, forwards - rows[row] * upwards, across,
+                           shadow_side, row, columns, depth, stencil)
+            else:
+                _draw_checked(face, row, first, end, amount, view, faces, z_fail, target, mask, depths, counts, entry)
+
+
+@kernel
+def _draw_band(band, view, faces, bins, z_fail, target, limits, mask, counts):
+    """Draw all faces of one band."""
+    n_rows = _band_rows(len(view.down))
+    first_row = band * n_rows
+    last_row = min(first_row + n_rows, len(view.down)) - 1
+    room = np.empty((MAX_CORNERS, 7)), np.empty((MAX_CORNERS, 2), np.int64)
+    for entry in range(bins.offset[band, 0], bins.offset[band, N_WORKERS]):
+        face = bins.face[entry]
+        first, last = _face_rows(faces, face, limits)
+        _draw_face(face, max(first, first_row), min(last, last_row), view, faces, z_fail, target, limits, mask, room,
+                   counts, entry)
+
+
+@parallel_kernel
+def draw_faces(view, faces, bins, z_fail, target, limits, mask, counts):
+    """Draw faces into a stencil buffer.
+
+    Parameters
+    ----------
+    view : VolumeView.
+    faces : Faces.
+    bins : Bins of the faces.
+    z_fail : True to count faces behind the samples, False to count those before them.
+    target : StencilTarget, updated in place.
+    limits : VolumeLimits: scissor and depth bounds.
+    mask : bool (rows, columns), the samples on which volumes are drawn (Chan and Durand 2004, sec. 3); bool (0, 0) for
+        all of them.
+    counts : StencilCounts or None.
+    """
+    for worker in prange(N_BANDS):
+        _draw_band((worker * _BAND_STRIDE) % N_BANDS, view, faces, bins, z_fail, target, limits, mask, counts)
