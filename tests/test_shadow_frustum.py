@@ -9,13 +9,12 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from shadowbench.geometry import Camera, Light
+from shadowbench.kernels.culling_planes import OUTLINE_EDGES, SILHOUETTE_EDGES
 from shadowbench.kernels.lanes import A_WEIGHT, B_WEIGHT, C_WEIGHT, D_WEIGHT
 from shadowbench.kernels.shadow_frustum import (
     CAP_ROW,
     EYE_ROW,
     N_ROWS,
-    OUTLINE_EDGES,
-    SILHOUETTE_EDGES,
     WEDGE_ROW,
     View,
     find_facing,

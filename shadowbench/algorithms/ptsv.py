@@ -23,19 +23,13 @@ from shadowbench.algorithms.base import (
 )
 from shadowbench.kernels import shadow_frustum
 from shadowbench.kernels.caster_selection import closed_triangles, select_casters
+from shadowbench.kernels.culling_planes import OUTLINE_EDGES, SILHOUETTE_EDGES
 from shadowbench.kernels.depth_hierarchy import TileTree, build_tile_tree
-from shadowbench.kernels.tile_traversal import (
-    Counts,
-    Planes,
-    empty_counts,
-    empty_shadow,
-    merge_shadow,
-    traverse,
-    visits_per_sample,
-)
+from shadowbench.kernels.shadow_hierarchy import Counts, empty_counts, empty_shadow, merge_shadow, visits_per_sample
+from shadowbench.kernels.tile_traversal import Planes, traverse
 
-EYE_EDGES = {"none": 0, "silhouette": shadow_frustum.SILHOUETTE_EDGES, "wedge": 0,
-             "outline": shadow_frustum.OUTLINE_EDGES, "outline+wedge": shadow_frustum.OUTLINE_EDGES}
+EYE_EDGES = {"none": 0, "silhouette": SILHOUETTE_EDGES, "wedge": 0,
+             "outline": OUTLINE_EDGES, "outline+wedge": OUTLINE_EDGES}
 """Edges of the frustum that may give a plane through the eye, for each value of `culling_planes`."""
 
 DEPTH_BYTES_PER_TILE = 4

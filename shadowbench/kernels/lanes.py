@@ -182,18 +182,18 @@ def float32(value):
     return struct.unpack("f", struct.pack("f", value))[0]
 
 
-_NOT_OUTSIDE = (">", UNDECIDED, 0)
+_OUTSIDE = (">", UNDECIDED, 0)
 
-outside_eye_planes = _make_test(N_EYE_PLANES, 2, (False,), (_NOT_OUTSIDE,))
+outside_eye_planes = _make_test(N_EYE_PLANES, 2, (False,), (_OUTSIDE,))
 """Mask of the boxes that lie outside one of the planes through the eye (their c is 0: r is not read)."""
 
-outside_wedge_planes = _make_test(N_WEDGE_PLANES, 3, (False,), (_NOT_OUTSIDE,))
+outside_wedge_planes = _make_test(N_WEDGE_PLANES, 3, (False,), (_OUTSIDE,))
 """Mask of the boxes that lie outside one of the wedge planes."""
 
-classify_boxes = _make_test(N_FRUSTUM_PLANES, 3, (False, True), (_NOT_OUTSIDE, (">=", -UNDECIDED, 1)))
+classify_boxes = _make_test(N_FRUSTUM_PLANES, 3, (False, True), (_OUTSIDE, (">=", -UNDECIDED, 1)))
 """Masks of the boxes that lie outside one frustum plane, and of those not certainly inside all of them."""
 
-classify_samples = _make_test(N_FRUSTUM_PLANES, 3, (None,), (_NOT_OUTSIDE, (">=", -UNDECIDED, 0)))
+classify_samples = _make_test(N_FRUSTUM_PLANES, 3, (None,), (_OUTSIDE, (">=", -UNDECIDED, 0)))
 """Masks of the samples that lie outside one frustum plane, and of those not certainly inside all of them."""
 
 

@@ -1,4 +1,4 @@
-"""Traversal of a tile tree by shadow frusta, and the shadow buffer that it fills.
+"""Traversal of a tile tree by shadow frusta.
 
 Work is split by the root's children: a worker owns one of them with all that lies below, and takes the frusta in
 order. The root itself is tested once per frustum, beforehand. So counts and shadows are those of a serial loop over
@@ -22,7 +22,7 @@ from shadowbench.kernels.lanes import (
 from shadowbench.kernels.shadow_frustum import CAP_ROW, EYE_ROW, ROW_SIZE, WEDGE_ROW
 
 N_WORKERS = 64
-"""Parts that the root tests and the rows of the merge are cut into."""
+"""Parts that the root tests are cut into."""
 
 _STACK_SIZE = 1024     # a node leaves at most branching - 1 siblings per level: 63 * 7 levels, or 3 * 20
 _COLUMN_BITS = 28      # a stack entry packs level, row and column
@@ -36,22 +36,6 @@ class Planes(NamedTuple):
     skip_shadowed: bool
 
 
-class Shadow(NamedTuple):
-    """The hierarchical shadow buffer.
-
-    Attributes
-    ----------
-    full : uint8 (n_nodes,), 1 for tiles that lie wholly in one shadow frustum.
-    samples : uint64 (n_tiles of the last level,), a bit per sample found in shadow.
-    open : uint64 (n_nodes,), a bit per child that still is to be tested: the occupied ones, less those in shadow if
-        they are skipped.
-    """
-
-    full: np.ndarray
-    samples: np.ndarray
-    open: np.ndarray
-
-
 class RootTests(NamedTuple):
     """Outcome of every frustum's test of the root's children, uint64 (n_frusta,).
 
@@ -63,41 +47,6 @@ class RootTests(NamedTuple):
 
     alive: np.ndarray
     partial: np.ndarray
-
-
-class Counts(NamedTuple):
-    """Operation counts. Arrays by worker have one row per root child: no two workers write to one row.
-
-    Attributes
-    ----------
-    visits : int64 (n_nodes,), times that a node's children (or samples) were tested.
-    frustum_visits : int32 (branching, n_frusta), visits below each root child.
-    accepts, rejects, refinements : int64 (branching, n_levels), children of each level's nodes wholly inside a
-        frustum, outside one of its planes, and neither; only occupied children that are still to be tested.
-    retries : int64 (branching,), samples tested again in float64.
-    """
-
-    visits: np.ndarray
-    frustum_visits: np.ndarray
-    accepts: np.ndarray
-    rejects: np.ndarray
-    refinements: np.ndarray
-    retries: np.ndarray
-
-
-def empty_shadow(tree):
-    """Allocate a shadow buffer without shadow."""
-    n_tiles = tree.levels["columns"][-1] * tree.levels["rows"][-1]
-    return Shadow(np.zeros(len(tree.occupied), np.uint8), np.zeros(n_tiles, np.uint64), tree.occupied.copy())
-
-
-def empty_counts(tree, n_frusta):
-    """Allocate counts of zero."""
-    branching = int(tree.levels["grid_x"][0] * tree.levels["grid_y"][0])
-    levels = (branching, len(tree.levels))
-    return Counts(np.zeros(len(tree.occupied), np.int64), np.zeros((branching, n_frusta), np.int32),
-                  np.zeros(levels, np.int64), np.zeros(levels, np.int64), np.zeros(levels, np.int64),
-                  np.zeros(branching, np.int64))
 
 
 @kernel
@@ -302,57 +251,3 @@ def traverse(tree, frusta, planes, depth, shadow, counts):
     _traverse_tiles(n_tiles, tree, frusta, planes, tests, depth, shadow, counts)
     if counts is not None:
         counts.visits[0] = n_frusta
-
-
-@kernel
-def _tile_bits(tree, shadow, row, column):
-    """Samples of a tile of the last level that are in shadow by themselves or with one of their tiles."""
-    bits = shadow.samples[row * tree.levels[-1].columns + column]
-    occupied = tree.occupied[tree.levels[-1].first + row * tree.levels[-1].columns + column]
-    for index in range(len(tree.levels) - 1, 0, -1):
-        level = tree.levels[index]
-        node = level.first + row * level.columns + column
-        if shadow.full[node] != 0:
-            return occupied
-        above = tree.levels[index - 1]
-        row, column = row // above.grid_y, column // above.grid_x
-    return bits
-
-
-@kernel
-def _merge_rows(tree, shadow, worker, merged):
-    """Fill the samples of a band of tile rows from the tiles' bits and their ancestors'."""
-    level, n_columns = tree.levels[-1], len(tree.plane_x)
-    for row in range(level.rows * worker // N_WORKERS, level.rows * (worker + 1) // N_WORKERS):
-        for column in range(level.columns):
-            bits = _tile_bits(tree, shadow, row, column)
-            for iy in range(min(level.grid_y, len(tree.plane_y) - row * level.grid_y)):
-                sample = (row * level.grid_y + iy) * n_columns + column * level.grid_x
-                for ix in range(min(level.grid_x, n_columns - column * level.grid_x)):
-                    merged[sample + ix] = bits >> np.uint64(iy * level.grid_x + ix) & np.uint64(1)
-
-
-@parallel_kernel
-def _merge(tree, shadow, merged):
-    for worker in prange(N_WORKERS):
-        _merge_rows(tree, shadow, worker, merged)
-
-
-def merge_shadow(tree, shadow):
-    """Merge the levels downwards: float32 (n_samples,), 1 for samples of the tree that are in shadow."""
-    merged = np.empty(len(tree.plane_x) * len(tree.plane_y), np.float32)
-    _merge(tree, shadow, merged)
-    return merged
-
-
-def visits_per_sample(tree, visits):
-    """Tests of tiles that contain each sample, and of the sample itself, int64 (n_samples,).
-
-    A visit of a node tests each of its children once, and one of those contains the sample.
-    """
-    row, column = np.arange(len(tree.plane_y)), np.arange(len(tree.plane_x))
-    per_sample = np.zeros((len(row), len(column)), np.int64)
-    for level in tree.levels[::-1]:
-        row, column = row // level["grid_y"], column // level["grid_x"]
-        per_sample += visits[level["first"] + row[:, None] * level["columns"] + column]
-    return per_sample.reshape(-1)
