@@ -17,6 +17,10 @@ SHADOWED_FROM = 0.5
 """A filtered shadow value at or above this counts as "in shadow"."""
 
 
+LISTED_DIFFERENCES = 1000
+"""Differences that are listed one by one, with their distance to the boundary found by brute force."""
+
+
 class ErrorClass(IntEnum):
     """What a sample's answer is when compared with the reference; the value stored in ``shadow.exr``."""
 
@@ -95,6 +99,22 @@ def boundary_distance(frame: Frame, samples: NDArray[np.integer], truth: NDArray
             change = -depth_inside.max(initial=-np.inf)
         distances[k] = max(change, 0.0) / footprint
     return distances
+
+
+def list_differences(frame: Frame, shadow: NDArray[np.float32], truth: NDArray[np.float32],
+                     ambiguous: NDArray[np.bool_]) -> str:
+    """List where a method differs from the reference, as CSV text: sample, both answers, distance to the boundary.
+
+    ``distance_pixels`` is `boundary_distance`, for the first `LISTED_DIFFERENCES` samples.
+    """
+    different = np.flatnonzero(((shadow >= SHADOWED_FROM) != (truth >= SHADOWED_FROM)) & frame.samples.candidate)
+    different = different[:LISTED_DIFFERENCES]
+    rows, columns = np.divmod(different, frame.samples.columns)
+    lines = ["column,row,shadow,reference,ambiguous,distance_pixels"]
+    for k, distance in enumerate(boundary_distance(frame, different, truth)):
+        i = different[k]
+        lines.append(f"{columns[k]},{rows[k]},{shadow[i]:g},{truth[i]:g},{int(ambiguous[i])},{distance:.3g}")
+    return "\n".join(lines) + "\n"
 
 
 def _depth_inside_frusta(corners: NDArray[np.float64], light: NDArray[np.float64], point: NDArray[np.float64],

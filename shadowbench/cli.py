@@ -121,16 +121,9 @@ def run(**options: Any) -> None:
 
     SCENE is a scene file, or the name of a built-in scene (see `shadowbench list scenes`).
     """
-    _start_threads(options["threads"])
     from shadowbench import commands
 
     sys.exit(commands.run(sys.argv[1:], **options))
-
-
-def _start_threads(threads: int | None) -> None:
-    """Let Numba start as many threads as are asked for; it reads this once, when it is first imported."""
-    if threads is not None:
-        os.environ["NUMBA_NUM_THREADS"] = str(max(threads, os.cpu_count() or 1))
 
 
 @cli.command("list")

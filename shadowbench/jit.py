@@ -3,9 +3,9 @@
 Three rules keep every count the same on every machine, for every thread count:
 
 * No ``fastmath``, hence no reordered sums and no fused multiply-add: plain IEEE operations, in source order.
-* A parallel kernel is nothing but a ``prange`` over workers whose body *calls one serial kernel*. Each worker
-  owns a disjoint part of the output. (Numba mis-compiles ``is not None`` tests written inside a ``prange`` body,
-  so this is a rule of correctness too.)
+* A parallel kernel is nothing but a ``prange`` over workers whose body *only calls serial kernels*. Each worker
+  owns a disjoint part of the output. Python threads share out the workers: Numba's own parallel loops take several
+  times longer to compile, and mis-compile ``is not None`` tests inside them.
 * The counting build and the timing build come from one source: a kernel takes a record of count arrays or the
   literal ``None``, and guards each count with ``if counts is not None``. Numba compiles the two types apart and
   removes the guarded code from the ``None`` build, so timed code carries no counting.
@@ -14,13 +14,18 @@ The cache lives in a folder named by a digest of all package sources and of the 
 NumPy, because Numba itself notices only a change in the file of the kernel, not in the helpers that it calls.
 """
 
+import ast
 import atexit
+import functools
 import hashlib
+import inspect
 import os
 import shutil
 import tempfile
+import textwrap
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any, Self
 
@@ -31,8 +36,8 @@ from numba import prange
 from numba.core.event import Event, Listener, register, unregister
 from platformdirs import user_cache_path
 
-__all__ = ["CompileWatch", "cache_folder", "inlined_kernel", "kernel", "parallel_kernel", "prange", "set_threads",
-           "sources_digest", "threading_layer"]
+__all__ = ["CompileWatch", "cache_folder", "kernel", "n_threads", "parallel_kernel", "prange",
+           "set_threads", "sources_digest"]
 
 
 def sources_digest() -> str:
@@ -62,39 +67,108 @@ def cache_folder() -> Path:
         return temporary
 
 
-def set_threads(n_threads: int) -> None:
-    """Let parallel kernels use `n_threads` threads, dealing their workers out one at a time.
-
-    Raises
-    ------
-    ValueError
-        If `n_threads` is not between 1 and the number of threads that Numba was started with.
-    """
-    numba.set_num_threads(n_threads)
-    numba.set_parallel_chunksize(1)
-
-
-def threading_layer() -> str | None:
-    """Name of the threading layer that Numba chose, or None before the first parallel kernel ran."""
-    try:
-        return str(numba.threading_layer())
-    except ValueError:
-        return None
-
-
 setattr(numba.config, "CACHE_DIR", str(cache_folder()))    # noqa: B010  numba.config has no type stubs
 
-_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": False}
+_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": False, "nogil": True}
 
 kernel: Any = numba.njit(**_OPTIONS)
 """Decorator of a serial kernel."""
 
-inlined_kernel: Any = numba.njit(inline="always", **_OPTIONS)
-"""Decorator of a part of a serial kernel: its statements are copied into every caller. A call that passes a record
-takes and drops a reference count per array of the record, which in an inner loop costs more than the work."""
+class parallel_kernel:
+    """Decorator of a parallel kernel: one ``prange`` over workers whose body only calls serial kernels.
 
-parallel_kernel: Any = numba.njit(parallel=True, **_OPTIONS)
-"""Decorator of a parallel kernel: one ``prange`` whose body calls one serial kernel."""
+    The function is compiled once, as a serial kernel over a range of workers that holds no lock, and Python threads
+    share out the range. So it takes no longer to compile than a serial kernel, and any number of threads will do.
+
+    Raises
+    ------
+    TypeError
+        If the function is anything else than that one loop.
+    """
+
+    def __init__(self, function: Callable[..., None]) -> None:
+        functools.update_wrapper(self, function)
+        self.py_func = function
+        tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+        ast.increment_lineno(tree, function.__code__.co_firstlineno - 1)
+        definition = tree.body[0]
+        assert isinstance(definition, ast.FunctionDef)
+        loop = definition.body[-1]
+        if not (isinstance(loop, ast.For) and isinstance(loop.iter, ast.Call) and ast.unparse(loop.iter.func) == "prange"
+                and all(isinstance(line, ast.Expr) and isinstance(line.value, ast.Call) for line in loop.body)
+                and len(definition.body) - 1 <= _has_docstring(definition)):
+            raise TypeError(f"{function.__name__}: a parallel kernel is one prange whose body calls serial kernels")
+        # The number of workers, as a function of the arguments.
+        count = ast.Expression(ast.Lambda(definition.args, loop.iter.args[0]))
+        # The serial kernel: two more arguments, the first worker and the one after the last.
+        definition.args = ast.arguments([], [ast.arg("first_worker"), ast.arg("end_worker"), *definition.args.args], None,
+                                        [], [], None, [])
+        definition.decorator_list = []
+        loop.iter = ast.Call(ast.Name("range", ast.Load()), [ast.Name("first_worker", ast.Load()),
+                                                             ast.Name("end_worker", ast.Load())], [])
+        file, names = function.__code__.co_filename, function.__globals__
+        made: dict[str, Any] = {}
+        exec(compile(ast.fix_missing_locations(tree), file, "exec"), names, made)
+        self._n_workers = eval(compile(ast.fix_missing_locations(count), file, "eval"), names)
+        serial = made[function.__name__]
+        serial.__qualname__, serial.__module__ = function.__qualname__, function.__module__
+        self.serial = kernel(serial)
+
+    def __call__(self, *arguments: Any) -> None:
+        """Run all workers."""
+        n_workers, n_threads = self._n_workers(*arguments), _threads[0]
+        n_pieces = min(n_workers, PIECES_PER_THREAD * n_threads)
+        if n_threads == 1 or n_pieces < 2:
+            self.serial(0, n_workers, *arguments)
+            return
+        pieces = iter(range(n_pieces))      # advancing it is one step for the interpreter: no piece is taken twice
+
+        def work() -> None:
+            for piece in pieces:
+                self.serial(piece * n_workers // n_pieces, (piece + 1) * n_workers // n_pieces, *arguments)
+
+        others = [_pool(n_threads).submit(work) for _ in range(n_threads - 1)]
+        try:
+            work()
+        finally:
+            wait(others)
+        for other in others:
+            other.result()
+
+
+def _has_docstring(definition: ast.FunctionDef) -> bool:
+    return ast.get_docstring(definition) is not None
+
+
+PIECES_PER_THREAD = 8
+"""Runs of workers that each thread takes, about: enough to even out the load, few enough to cost no time."""
+
+THREADING_LAYER = "Python threads over kernels that hold no lock"
+
+_threads = [len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1]
+
+
+@functools.cache
+def _pool(n_threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(n_threads - 1, thread_name_prefix="shadowbench")
+
+
+def n_threads() -> int:
+    """Number of threads that parallel kernels use."""
+    return _threads[0]
+
+
+def set_threads(n_threads: int) -> None:
+    """Let parallel kernels use `n_threads` threads. Results and counts do not depend on it.
+
+    Raises
+    ------
+    ValueError
+        If `n_threads` is below 1.
+    """
+    if n_threads < 1:
+        raise ValueError(f"the number of threads must be 1 or more, not {n_threads}")
+    _threads[0] = n_threads
 
 
 class CompileWatch(Listener):

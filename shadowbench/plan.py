@@ -85,7 +85,7 @@ def describe(scene: Scene, options: RunOptions, argv: list[str]) -> dict[str, An
     return {"argv": argv, "scene": scene.name, "scene_file": None if scene.path is None else str(scene.path),
             "digests": scene.digests, "image": asdict(scene.image), "bias": scene.bias,
             "frames": list(options.frames), "repeats": options.repeats, "only": sorted(options.only),
-            "threads": options.threads,
+            "threads": options.threads, "threading_layer": jit.THREADING_LAYER,
             "seeds": [entry.seed for entry in scene.config.geometry if isinstance(entry, GenerateEntry)],
             "packages": environment.package_versions(), "git": environment.git_state(),
             "processor": environment.processor()}

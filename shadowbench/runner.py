@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench import accuracy, jit
+from shadowbench.algorithms import PEERS
 from shadowbench.algorithms.base import Algorithm, ShadowBuffer
 from shadowbench.algorithms.reference import reference_frame
 from shadowbench.geometry import Frame
@@ -105,7 +106,7 @@ class Runner:
         if status == "done" and any(cell.status == "failed" for cell in self.folder.cells):
             status = "partial"
         self.folder.write_tables()
-        self.folder.write_status(status, warnings=self.summary.warnings, threading_layer=jit.threading_layer(),
+        self.folder.write_status(status, warnings=self.summary.warnings,
                                  seconds={name: round(value, 6) for name, value in self.seconds.items()})
         write_report(self.folder)
         return self.summary
@@ -184,6 +185,9 @@ class Runner:
         if casters is not None:
             everything = self._truth(frame, None, truths)
             result.accuracy.caster_difference = int(np.count_nonzero(truth.shadow != everything.shadow))
+        if cell.name in PEERS:
+            path = self.folder.image_folder(cell.frame, cell.label) / "differences.csv"
+            path.write_text(accuracy.list_differences(frame, buffer.shadow, truth.shadow, truth.ambiguous))
         if algorithm.exact and measured.wrong:
             self._warn(f"frame {cell.frame}: {cell.label} is meant to be exact but has {measured.wrong} wrong samples")
         if "counts" in self.options.only:

@@ -170,28 +170,30 @@ def _orientation(n, permanent, a, eye, light):
 
 @kernel
 def _surface_chunk(worker, vertices, triangles, view, light, visible):
-    """Fill in one worker's share of the samples."""
+    """Fill in the samples of one worker's share of the rows."""
     depths, shown, x_plane, y_plane = visible.depth, visible.triangle, view.x_plane, view.y_plane
     plane_x, plane_y, position, normal = visible.plane_x, visible.plane_y, visible.position, visible.normal
     candidate, eye, right, up, forward = visible.candidate, view.eye, view.right, view.up, view.forward
     n_columns = len(x_plane)
-    first, end = chunk(worker, len(depths))
-    for i in range(first, end):
-        x, y, t = x_plane[i % n_columns], y_plane[i // n_columns], shown[i]
-        plane_x[i], plane_y[i] = x, y
-        if t >= 0:
-            j, k, m = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-            a = (vertices[j, 0], vertices[j, 1], vertices[j, 2])
-            n, permanent = _triangle_plane(a, (vertices[k, 0], vertices[k, 1], vertices[k, 2]),
-                                           (vertices[m, 0], vertices[m, 1], vertices[m, 2]))
-            candidate[i], length = _orientation(n, permanent, a, eye, light)
-            for axis in range(3):
-                normal[i, axis] = n[axis] / length
-                position[i, axis] = eye[axis] + depths[i] * (forward[axis] + x * right[axis] + y * up[axis])
-        else:
-            candidate[i] = False
-            for axis in range(3):
-                position[i, axis] = normal[i, axis] = 0.0
+    first, end = chunk(worker, len(y_plane))
+    for row in range(first, end):
+        for column in range(n_columns):
+            i, x, y = row * n_columns + column, x_plane[column], y_plane[row]
+            plane_x[i], plane_y[i], t = x, y, shown[i]
+            if t >= 0:
+                j, k, m = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+                a = (vertices[j, 0], vertices[j, 1], vertices[j, 2])
+                n, permanent = _triangle_plane(a, (vertices[k, 0], vertices[k, 1], vertices[k, 2]),
+                                               (vertices[m, 0], vertices[m, 1], vertices[m, 2]))
+                candidate[i], length = _orientation(n, permanent, a, eye, light)
+                scale = 1.0 / length
+                for axis in range(3):
+                    normal[i, axis] = n[axis] * scale
+                    position[i, axis] = eye[axis] + depths[i] * (forward[axis] + x * right[axis] + y * up[axis])
+            else:
+                candidate[i] = False
+                for axis in range(3):
+                    position[i, axis] = normal[i, axis] = 0.0
 
 
 @parallel_kernel

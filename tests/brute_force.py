@@ -1,11 +1,13 @@
-"""The definition of "in shadow", word for word, in rational arithmetic. Slow and obvious: the oracle of other tests."""
+"""The definition of "in shadow", word for word, in rational arithmetic. Slow and obvious: the oracle of other
+tests."""
 
 from fractions import Fraction
 from typing import NamedTuple
 
 
 class Flags(NamedTuple):
-    """What the definition says about one sample and one triangle, or about a sample and the union of triangles."""
+    """What the definition says about one sample and one triangle, or about a sample and the union of
+    triangles."""
 
     shadowed: bool = False
     planes_out: bool = False

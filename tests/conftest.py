@@ -1,9 +1,6 @@
-"""Shared fixtures. Numba is started with four threads, so that thread counts can be compared on any machine."""
+"""Shared fixtures."""
 
 import os
-
-os.environ.setdefault("NUMBA_NUM_THREADS", "4")
-
 from pathlib import Path
 
 import pytest

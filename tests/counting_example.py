@@ -1,6 +1,6 @@
-"""A kernel with an optional count, for the test of the two builds."""
+"""A kernel with an optional count, and a parallel kernel, for the tests of how they are compiled."""
 
-from shadowbench.jit import kernel
+from shadowbench.jit import kernel, parallel_kernel, prange
 
 
 @kernel
@@ -12,3 +12,15 @@ def count_evens(n, counts):
         if i % 2 == 0:
             evens += 1
     return evens
+
+
+@kernel
+def _visit(visits, worker):
+    visits[worker] += 1
+
+
+@parallel_kernel
+def visit_all(visits):
+    """Count a visit of each worker."""
+    for worker in prange(len(visits)):
+        _visit(visits, worker)

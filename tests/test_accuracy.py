@@ -54,3 +54,10 @@ def test_boundary_distance_without_casters_is_infinite(frame):
     empty = Frame(Mesh.from_arrays(np.zeros((0, 3)), np.zeros((0, 3))), frame.light, frame.camera, frame.image,
                   frame.samples, frame.bias)
     assert np.isinf(accuracy.boundary_distance(empty, np.array([2]), np.zeros(4, np.float32))).all()
+
+
+def test_differences_are_listed_with_their_distance(frame):
+    truth = np.array([1, 1, 0, 0], np.float32)
+    text = accuracy.list_differences(frame, np.array([1, 0, 0, 1], np.float32), truth, np.zeros(4, bool))
+    assert text.splitlines() == ["column,row,shadow,reference,ambiguous,distance_pixels", "1,0,0,1,0,0.25",
+                                 "3,0,1,0,0,1.41"]

@@ -10,7 +10,7 @@ import pytest
 
 import shadowbench
 from shadowbench import jit
-from tests.counting_example import count_evens
+from tests.counting_example import count_evens, visit_all
 
 PACKAGE = Path(shadowbench.__file__).parent
 PROGRAM = "from shadowbench.kernels.caller import answer; print(answer())"
@@ -94,6 +94,32 @@ def test_compile_watch_announces_once_and_measures():
     assert announced == [True] and watch.seconds == 0
 
 
-def test_set_threads_refuses_more_than_were_started():
-    with pytest.raises(ValueError):
-        jit.set_threads(10_000)
+def test_set_threads_refuses_none():
+    with pytest.raises(ValueError, match="1 or more"):
+        jit.set_threads(0)
+
+
+@pytest.mark.parametrize("n_threads", [1, 2, 3, 7])
+@pytest.mark.parametrize("n_workers", [0, 1, 5, 64])
+def test_every_worker_runs_once_for_any_number_of_threads(n_threads, n_workers):
+    jit.set_threads(n_threads)
+    visits = np.zeros(n_workers, np.int64)
+    visit_all(visits)
+    assert visits.tolist() == [1] * n_workers
+
+
+def test_an_error_in_a_worker_reaches_the_caller():
+    jit.set_threads(3)
+    with pytest.raises(numba.TypingError):
+        visit_all(("no", "array"))
+
+
+def test_a_parallel_kernel_is_one_loop_over_workers():
+    def sums(a):
+        total = 0.0
+        for i in jit.prange(len(a)):
+            total += a[i]
+        return total
+
+    with pytest.raises(TypeError, match="one prange whose body calls serial kernels"):
+        jit.parallel_kernel(sums)

@@ -121,8 +121,8 @@ def test_same_bits_on_any_cpu(cpu, tmp_path):
     environment = dict(os.environ, NUMBA_CPU_NAME=cpu, NUMBA_CACHE_DIR=str(tmp_path))
     if cpu == "generic":
         environment["NUMBA_CPU_FEATURES"] = ""
-    folder = os.path.dirname(__file__)
-    code = f"import sys; sys.path.insert(0, {folder!r}); import test_lanes; print(test_lanes.digest())"
+    root = os.path.dirname(os.path.dirname(__file__))
+    code = f"import sys; sys.path.insert(0, {root!r}); from tests import test_lanes; print(test_lanes.digest())"
     out = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert out.stdout.strip() == digest()
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ptsv_twin import Twin
 
 from shadowbench.algorithms.ptsv import EYE_EDGES, Params, Ptsv
 from shadowbench.algorithms.reference import reference_frame
@@ -19,6 +18,7 @@ from shadowbench.jit import set_threads
 from shadowbench.kernels.shadow_frustum import View, find_facing, make_frusta
 from shadowbench.probe import Probe
 from shadowbench.view_samples import render_view_samples
+from tests.ptsv_twin import Twin
 
 BRANCHINGS = (4, 8, 16, 32, 64)
 PLANES = tuple(EYE_EDGES)
@@ -162,7 +162,8 @@ def test_same_results_for_any_number_of_threads():
 def test_same_results_on_a_generic_cpu_in_another_process(threads, tmp_path):
     environment = dict(os.environ, NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="", NUMBA_CACHE_DIR=str(tmp_path),
                        NUMBA_NUM_THREADS=str(threads))
-    code = f"import sys; sys.path.insert(0, {os.path.dirname(__file__)!r}); import test_ptsv; print(test_ptsv.digest())"
+    root = os.path.dirname(os.path.dirname(__file__))
+    code = f"import sys; sys.path.insert(0, {root!r}); from tests import test_ptsv; print(test_ptsv.digest())"
     out = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert out.stdout.strip() == digest()
 

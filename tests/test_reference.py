@@ -1,14 +1,14 @@
 """The certified reference against the definition, word for word, on scenes that try to break it."""
 
-import brute_force
 import numpy as np
 import pytest
 
 from shadowbench.reference import bias_floor, certified, certified_shadows
 from shadowbench.reference.exact import exact_facing, exact_flags
+from tests import brute_force
 
-KINDS = ("generic", "grid", "degenerate", "light_on_triangle", "slivers", "grazing", "small", "large", "translated",
-         "tiny", "huge", "enormous")
+KINDS = ("generic", "grid", "degenerate", "light_on_triangle", "slivers", "grazing", "small", "large",
+         "translated", "tiny", "huge", "enormous")
 SCALES = {"small": 1e-3, "large": 1e5, "tiny": 1e-160, "huge": 1e150, "enormous": 1e307}
 
 
@@ -26,8 +26,8 @@ def make_scene(kind, seed, n_triangles=8, n_samples=20):
     if not light[:3].any():
         light[1] = 1.0
     if kind == "light_on_triangle":
-        on_it = (corners[0, 0], (corners[0, 0] + corners[0, 1]) / 2, (corners[0, 0] + corners[0, 1] + 2 * corners[0, 2]) / 4)
-        light = np.append(on_it[seed % 3], 1.0)
+        a, b, c = corners[0]
+        light = np.append((a, (a + b) / 2, (a + b + 2 * c) / 4)[seed % 3], 1.0)
     if kind == "degenerate":
         corners[1] = corners[0]
         corners[2, 2] = corners[2, 1]
@@ -75,8 +75,9 @@ def all_pairs(corners, light, positions, bias, ties):
     facing = exact_facing(corners, light)
     flags = np.zeros(len(positions), np.uint8)
     for t in np.flatnonzero(facing):
-        flags |= exact_flags(np.repeat(corners[t:t + 1], len(positions), 0), np.repeat(facing[t:t + 1], len(positions)),
-                             light, positions, ties, np.array([floor, bias, 2 * bias]))
+        repeated = np.full(len(positions), t)
+        flags |= exact_flags(corners[repeated], facing[repeated], light, positions, ties,
+                             np.array([floor, bias, 2 * bias]))
     return flags
 
 
@@ -102,10 +103,12 @@ def test_the_scenes_are_not_trivial():
     assert sum((~result.shadow & ~result.ambiguous).sum() for result in results) > 50
 
 
-@pytest.mark.parametrize("light", [(0.1, 0.2, -0.1, 1), (3.0, 9.0, 2.0, 1), (0.3, 1.0, -0.4, 0), (-2.0, 0.1, 0.1, 0)])
+@pytest.mark.parametrize("light", [(0.1, 0.2, -0.1, 1), (3.0, 9.0, 2.0, 1), (0.3, 1.0, -0.4, 0),
+                                   (-2.0, 0.1, 0.1, 0)])
 def test_the_tree_agrees_with_all_pairs(light):
     rng = np.random.default_rng(11)
-    corners = rng.uniform(-2, 2, (30, 1, 3)) + rng.normal(size=(30, 3, 3)) * rng.choice([0.02, 0.3, 2.0], (30, 1, 1))
+    sizes = rng.choice([0.02, 0.3, 2.0], (30, 1, 1))
+    corners = rng.uniform(-2, 2, (30, 1, 3)) + rng.normal(size=(30, 3, 3)) * sizes
     positions = rng.uniform(-2, 2, (2500, 3))
     ties = rng.random(2500) * 0.01
     light = np.array(light, np.float64)
@@ -155,8 +158,8 @@ def test_order_and_winding_do_not_matter(kind):
     order = np.random.default_rng(1).permutation(len(corners))
     assert np.array_equal(certified_shadows(corners[order], light, positions, bias, ties).flags, expected)
     assert np.array_equal(certified_shadows(corners[:, ::-1], light, positions, bias, ties).flags, expected)
-    back = np.arange(len(positions))[::-1]
-    assert np.array_equal(certified_shadows(corners, light, positions[back], bias, ties[back]).flags, expected[back])
+    turned = certified_shadows(corners, light, positions[::-1], bias, ties[::-1])
+    assert np.array_equal(turned.flags, expected[::-1])
 
 
 @pytest.mark.parametrize("factor", [2.0**-40, 2.0**70])
@@ -164,7 +167,8 @@ def test_order_and_winding_do_not_matter(kind):
 def test_powers_of_two_scale_exactly(factor, seed):
     corners, light, positions, bias, ties = make_scene("grazing", seed, 30, 60)
     expected = certified_shadows(corners, light, positions, bias, ties).flags
-    scaled = certified_shadows(corners * factor, light * [factor, factor, factor, 1], positions * factor, bias * factor,
+    light_scaled = light * [factor, factor, factor, 1]
+    scaled = certified_shadows(corners * factor, light_scaled, positions * factor, bias * factor,
                                ties * factor)
     assert np.array_equal(scaled.flags, expected)
 
@@ -182,31 +186,34 @@ def test_splitting_triangles_keeps_the_shadow(seed):
 
 def test_adjacent_triangles_leave_no_crack():
     # Samples whose rays pass exactly through the shared edge of two triangles.
-    corners = np.array([[[-1, 1, -1], [1, 1, 1], [-1, 1, 1]], [[-1, 1, -1], [1, 1, -1], [1, 1, 1]]], np.float64)
+    corners = np.array([[[-1, 1, -1], [1, 1, 1], [-1, 1, 1]], [[-1, 1, -1], [1, 1, -1], [1, 1, 1]]], float)
     along = np.linspace(-1.5, 1.5, 301)
     positions = np.stack([along, np.zeros(301), along], axis=1)
     result = certified_shadows(corners, np.array([0.0, 2.0, 0.0, 1.0]), positions, 1e-5, np.full(301, 1e-6))
     assert result.shadow.all()
-    assert not result.ambiguous[2:-2].any() or result.ambiguous.sum() <= 301
+    # Each triangle on its own is a matter of the tie distance there, and so is their union.
+    assert result.ambiguous.all()
 
 
 @pytest.mark.parametrize("n_triangles, n_samples", [(0, 5), (5, 0), (0, 0)])
 def test_nothing_to_do(n_triangles, n_samples):
-    result = certified_shadows(np.ones((n_triangles, 3, 3)), np.array([0.0, 1.0, 0.0, 0.0]), np.ones((n_samples, 3)), 0.1,
-                               np.ones(n_samples), counting=True)
+    result = certified_shadows(np.ones((n_triangles, 3, 3)), np.array([0.0, 1.0, 0.0, 0.0]),
+                               np.ones((n_samples, 3)), 0.1, np.ones(n_samples), counting=True)
     assert result.shadow.shape == result.ambiguous.shape == result.heat.shape == (n_samples,)
     assert not result.shadow.any() and not result.ambiguous.any()
 
 
 def test_degenerate_casters_cast_nothing():
     corners = np.repeat(np.random.default_rng(0).normal(size=(50, 1, 3)), 3, axis=1)
-    result = certified_shadows(corners, np.array([0.0, 9.0, 0.0, 1.0]), np.zeros((20, 3)), 0.0, np.full(20, 100.0))
+    light = np.array([0.0, 9.0, 0.0, 1.0])
+    result = certified_shadows(corners, light, np.zeros((20, 3)), 0.0, np.full(20, 100.0))
     assert not result.flags.any()
 
 
 def test_samples_at_the_light_are_lit():
     corners = np.random.default_rng(0).normal(size=(50, 3, 3))
-    result = certified_shadows(corners, np.array([0.1, 0.2, 0.3, 1.0]), np.tile([0.1, 0.2, 0.3], (20, 1)), 0.0, np.ones(20))
+    light = np.array([0.1, 0.2, 0.3, 1.0])
+    result = certified_shadows(corners, light, np.tile(light[:3], (20, 1)), 0.0, np.ones(20))
     assert not result.flags.any()
 
 
@@ -232,7 +239,7 @@ def test_a_sample_on_its_own_triangle_is_neither_shadowed_nor_ambiguous():
     ({"casters": np.ones(3, bool)}, "casters"),
 ])
 def test_bad_input_is_refused(change, message):
-    good = {"corners": np.ones((1, 3, 3)), "light": np.array([0.0, 1.0, 0.0, 1.0]), "positions": np.ones((2, 3)),
-            "bias": 0.1, "tie_distance": np.ones(2)}
+    good = {"corners": np.ones((1, 3, 3)), "light": np.array([0.0, 1.0, 0.0, 1.0]),
+            "positions": np.ones((2, 3)), "bias": 0.1, "tie_distance": np.ones(2)}
     with pytest.raises(ValueError, match=message):
         certified_shadows(**(good | change))

@@ -1,6 +1,5 @@
 """The float64 filters against rational arithmetic: what they decide is never wrong, and they decide most."""
 
-import brute_force
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,6 +7,7 @@ from hypothesis import strategies as st
 
 from shadowbench.reference.exact import exact_facing, exact_flags, to_integers
 from shadowbench.reference.predicates import ALL_FLAGS, classify, compare, triangle_facing
+from tests import brute_force
 
 MODERATE = st.floats(-1e3, 1e3, allow_subnormal=True)
 ANY_FINITE = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=True)
@@ -23,7 +23,8 @@ def vectors(elements, n):
 
 
 def nearly_degenerate(seed):
-    """A triangle, light and sample where the sample is some roundings away from an edge plane or the triangle."""
+    """A triangle, light and sample where the sample is some roundings away from an edge plane or the
+    triangle."""
     rng = np.random.default_rng(seed)
     corners = rng.normal(size=(1, 3, 3)) * 10.0 ** rng.integers(-6, 6)
     if seed % 5 == 0:
@@ -62,12 +63,14 @@ def test_nearly_degenerate_input_is_never_decided_wrongly(block):
     decided = 0
     for seed in range(100 * block, 100 * block + 100):
         corners, light, positions = nearly_degenerate(seed)
-        decided += check_classify(corners, light, positions, [0.0, 1e-12, 1e-3][seed % 3], [0.0, 1e-9][seed % 2])
+        tie, bias = [0.0, 1e-12, 1e-3][seed % 3], [0.0, 1e-9][seed % 2]
+        decided += check_classify(corners, light, positions, tie, bias)
     # The cases hug the planes on purpose; most remain within reach of float64 all the same.
     assert 100 < decided < 500
 
 
-@given(vectors(MODERATE, 9), vectors(MODERATE, 3), vectors(MODERATE, 3), st.booleans(), st.floats(0, 1), st.floats(0, 1))
+@given(vectors(MODERATE, 9), vectors(MODERATE, 3), vectors(MODERATE, 3), st.booleans(), st.floats(0, 1),
+       st.floats(0, 1))
 @settings(**LIMITS)
 def test_moderate_input_is_never_decided_wrongly(corners, light, p, is_point, tie, bias):
     check_classify(corners.reshape(1, 3, 3), np.append(light, float(is_point)), p[None], tie, bias)
@@ -81,8 +84,8 @@ def test_input_of_any_magnitude_is_never_decided_wrongly(corners, light, p, is_p
 
 def test_random_input_is_nearly_always_decided():
     rng = np.random.default_rng(5)
-    decided = [check_classify(rng.normal(size=(1, 3, 3)), np.append(rng.normal(size=3), 1.0), rng.normal(size=(1, 3)),
-                              1e-3, 1e-3) for _ in range(200)]
+    decided = [check_classify(rng.normal(size=(1, 3, 3)), np.append(rng.normal(size=3), 1.0),
+                              rng.normal(size=(1, 3)), 1e-3, 1e-3) for _ in range(200)]
     assert sum(decided) == 5 * len(decided)
 
 
@@ -113,4 +116,5 @@ def test_flags_of_a_plain_case():
     light = np.array([0.0, 2.0, 0.0, 1.0])
     assert check_classify(corners, light, np.zeros((1, 3)), 1e-3, 1e-3) == 5
     facing = triangle_facing(corners, 0, light)
-    assert classify(corners, 0, facing, light, np.zeros((1, 3)), 0, 1e-3, np.array([0.0, 1e-3, 2e-3])) == (ALL_FLAGS, 0)
+    biases = np.array([0.0, 1e-3, 2e-3])
+    assert classify(corners, 0, facing, light, np.zeros((1, 3)), 0, 1e-3, biases) == (ALL_FLAGS, 0)

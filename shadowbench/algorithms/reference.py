@@ -11,7 +11,8 @@ from shadowbench.algorithms.base import Algorithm, AlgorithmParams, Frame, Probe
 from shadowbench.reference import certified_shadows
 
 TIE_PIXELS = 1e-4
-"""Default tie distance in pixel footprints at the sample: far below what a picture shows, far above rounding."""
+"""Default tie distance in pixel footprints at the sample: far below what a picture shows, far above
+rounding."""
 
 
 class Params(AlgorithmParams):
@@ -37,15 +38,15 @@ def reference_frame(
     Returns
     -------
     shadow : float32 (n_samples,), 1 = in shadow; 0 for samples that are no lit candidates.
-    ambiguous : bool (n_samples,), True where the answer hangs on the tie distance or the bias; False for samples
-        that are no lit candidates.
+    ambiguous : bool (n_samples,), True where the answer hangs on the tie distance or the bias; False for
+        samples that are no lit candidates.
     """
     with probe.stage("setup"):
         candidates = np.flatnonzero(frame.samples.candidate)
         positions = frame.samples.position[candidates]
         tie_distance = tie_pixels * frame.pixel_footprint * frame.samples.depth[candidates]
-    result = certified_shadows(frame.mesh.corners, frame.light.xyzw(), positions, frame.bias, tie_distance, casters,
-                               counting=probe.counting, stage=probe.stage)
+    result = certified_shadows(frame.mesh.corners, frame.light.xyzw(), positions, frame.bias, tie_distance,
+                               casters, counting=probe.counting, stage=probe.stage)
     with probe.stage("merge"):
         shadow = np.zeros(len(frame.samples.candidate), np.float32)
         shadow[candidates] = result.shadow

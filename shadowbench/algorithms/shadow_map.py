@@ -51,7 +51,7 @@ class Params(AlgorithmParams):
     pcf: int = parameter(1, "width of the percentage-closer filter in texels, odd", ge=1, le=63)
     bias: float = parameter(1.0, "depth bias, in units of the scene's bias", ge=0.0, paper=None)
     slope_bias: float = parameter(
-        1.0, "scales the texels within which the receiver's own plane may not shadow it; 0 is the paper's constant bias",
+        1.0, "scales the reach, in texels, within which a receiver's own plane can't shadow it; 0: constant bias only",
         ge=0.0, paper=0.0)
 
     @field_validator("pcf")

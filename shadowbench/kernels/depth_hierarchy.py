@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import inlined_kernel, kernel, parallel_kernel, prange
+from shadowbench.jit import kernel, parallel_kernel, prange
 from shadowbench.kernels.lanes import LANES
 
 TILE_GRIDS = {4: ((2, 2), (2, 2)), 8: ((4, 2), (2, 4)), 16: ((4, 4), (4, 4)), 32: ((8, 4), (4, 8)),
@@ -137,21 +137,15 @@ def build_tile_tree(depth, included, plane_x, plane_y, branching):
     return tree, float(bounds.high[0]) if tree.occupied[0] else 0.0
 
 
-@inlined_kernel
-def samples_offset(tree, tile):
-    """Where the coordinates r of a tile's samples start in `TileTree.r`; `tile` counts within the last level."""
-    return tree.n_chunks * LANES * (2 * tree.levels[-1].first + tile)
-
-
-@inlined_kernel
+@kernel
 def _fill_tile_row(tree, row, depth, included, bounds):
     """Fill one row of tiles of the last level."""
     level = tree.levels[-1]
     grid_x, grid_y, n_columns = level.grid_x, level.grid_y, len(tree.plane_x)
-    one = np.float32(1.0)
+    one, n_lanes = np.float32(1.0), tree.n_chunks * LANES
     for column in range(level.columns):
         tile = row * level.columns + column
-        offset = samples_offset(tree, tile)
+        offset = n_lanes * (2 * level.first + tile)
         occupied, low, high = np.uint64(0), np.float32(np.inf), np.float32(0.0)
         for iy in range(min(grid_y, len(tree.plane_y) - row * grid_y)):
             sample = (row * grid_y + iy) * n_columns + column * grid_x

@@ -87,7 +87,7 @@ def fit_light_maps(light: FloatArray, position: FloatArray, candidate: NDArray[n
     if light[3] == 0.0:
         axes[0] = axes_along(-light[:3])
         eye, half[0] = _fit_parallel(axes, position, candidate)
-        layer[0] = 0
+        layer[0] = 0 if candidate.any() else -1
         return LightMaps(eye, axes, half, layer, True, False, resolution, border, -np.inf)
     eye = light[:3] / light[3]
     sums = np.zeros((N_WORKERS, 4))

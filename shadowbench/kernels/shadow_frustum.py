@@ -30,11 +30,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import inlined_kernel, kernel, parallel_kernel, prange
+from shadowbench.jit import kernel, parallel_kernel, prange
 from shadowbench.kernels.lanes import A_WEIGHT, B_WEIGHT, C_WEIGHT, D_WEIGHT
 
 CAP_ROW, WEDGE_ROW, EYE_ROW, N_ROWS = 3, 4, 7, 13
 """First row of each kind of plane, and the number of rows."""
+
+UNUSED = (0.0, 0.0, 0.0, -1.0)
+"""A row that no point is outside of."""
 
 ROW_SIZE = 4 * N_ROWS
 """float32 values per triangle."""
@@ -42,8 +45,11 @@ ROW_SIZE = 4 * N_ROWS
 EDGES = np.array([[0, 3, 0, 2], [1, 4, 1, 0], [2, 5, 2, 1],
                   [0, 6, 0, 3], [1, 7, 1, 3], [2, 8, 2, 3],
                   [3, 6, 0, 4], [4, 7, 1, 4], [5, 8, 2, 4]])
-"""Edges of a shadow frustum: two directions in the plane through the eye (see `_Shape`), and the faces on either side
-(0 to 2: side planes, side i joins vertices i and i + 1; 3: cap; 4: at infinity, the eye is inside)."""
+"""Edges of a shadow frustum: two directions that span the plane through the eye, and the faces on either side.
+
+Directions 0 to 2 are the vertices, 3 to 5 the light's rays there, 6 to 8 the triangle's edges: the vertices of a small
+triangle are seen in directions too close for an accurate cross product. Faces 0 to 2 are the side planes (side i
+joins vertices i and i + 1), 3 is the cap, 4 the face at infinity, which the eye is always inside of."""
 
 SILHOUETTE_EDGES, OUTLINE_EDGES = 3, 9
 """How many of `EDGES` the silhouette planes and the outline planes go through."""
@@ -111,17 +117,6 @@ class _Space(NamedTuple):
     reach: tuple
 
 
-class _Shape(NamedTuple):
-    """Directions of a frustum: 0 to 2 the vertices seen from the eye, 3 to 5 the light's rays there, 6 to 8 the edges.
-
-    Unit vectors float64 (9, 3), and the lengths (9,) that they had. Planes take the edge between two vertices rather
-    than both, since a small triangle's directions are too close for an accurate cross product.
-    """
-
-    direction: np.ndarray
-    length: np.ndarray
-
-
 @kernel
 def _minus(a, b):
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
@@ -152,12 +147,12 @@ def _vector(array):
     return array[0], array[1], array[2]
 
 
-@inlined_kernel
+@kernel
 def _item(array, i):
     return array[i, 0], array[i, 1], array[i, 2]
 
 
-@inlined_kernel
+@kernel
 def _corner(corners, t, i):
     return corners[t, i, 0], corners[t, i, 1], corners[t, i, 2]
 
@@ -223,18 +218,25 @@ def _weight(a, b, c, d, reach):
             + D_WEIGHT * abs(d))
 
 
-@inlined_kernel
-def _set_row(rows, first, a, b, c, d):
-    rows[first], rows[first + 1], rows[first + 2], rows[first + 3] = a, b, c, d
+@kernel
+def _in_proj(m, c, space):
+    """Row (a, b, c, d) of the plane with normal m and value c at the eye, and its weight."""
+    a, b, d = _dot(m, space.right), _dot(m, space.up), _dot(m, space.forward)
+    return (a, b, c, d), _weight(a, b, c, d, space.reach)
 
 
-@inlined_kernel
-def _set_plane(frusta, k, row, m, c, space):
-    """Write a side or cap row: normal m pointing outwards, value c at the eye."""
-    a, b, d, weight = _in_proj(m, c, space)
-    scale, exact = 1.0 / weight, frusta.exact_rows
-    exact[k, row, 0], exact[k, row, 1], exact[k, row, 2], exact[k, row, 3] = a * scale, b * scale, c * scale, d * scale
-    _set_row(frusta.rows, k * ROW_SIZE + 4 * row, a * scale, b * scale, c * scale, d * scale)
+@kernel
+def _plane(m, c, space):
+    """Scaled row of a side or cap plane: normal m pointing outwards, value c at the eye."""
+    row, weight = _in_proj(m, c, space)
+    scale = 1.0 / weight
+    return row[0] * scale, row[1] * scale, row[2] * scale, row[3] * scale
+
+
+@kernel
+def _culling_plane(row, scale):
+    """Scaled row of a culling plane, moved outwards by `SLACK`."""
+    return row[0] * scale, row[1] * scale, row[2] * scale, row[3] * scale - SLACK
 
 
 @kernel
@@ -253,22 +255,13 @@ def _value_at_eye(m, a, b, vertex_a, vertex_b):
     return -_dot(m, vertex_a if _before(a, b) else vertex_b)
 
 
-@inlined_kernel
-def _growth(shape, height, directional, reach):
-    """Factor of the module's text: V R + (l + V R) E / h, and V."""
-    largest_v = largest_e = 0.0
-    for i in range(3):
-        largest_v, largest_e = max(largest_v, shape.length[i]), max(largest_e, shape.length[3 + i])
+@kernel
+def _growth(largest_v, largest_e, height, space):
+    """Factor of the module's text, V R + (l + V R) E / h; for a directional light all rays e are alike."""
+    reach = space.reach
     longest_ray = np.sqrt(1.0 + reach[0] * reach[0] + reach[1] * reach[1])
     near = largest_v * reach[2]
-    return near + (longest_ray + near) * (1.0 if directional else largest_e / height), largest_v
-
-
-@kernel
-def _in_proj(m, c, space):
-    """Row of the plane with normal m and value c at the eye, and its weight."""
-    a, b, d = _dot(m, space.right), _dot(m, space.up), _dot(m, space.forward)
-    return a, b, d, _weight(a, b, c, d, space.reach)
+    return near + (longest_ray + near) * (1.0 if space.light[3] == 0.0 else largest_e / height)
 
 
 @kernel
@@ -277,98 +270,101 @@ def _limit(m, weight, growth):
     return SLACK * weight / growth - ROUNDING * (abs(m[0]) + abs(m[1]) + abs(m[2]))
 
 
-@inlined_kernel
-def _set_culling_row(frusta, k, row, a, b, c, d, scale):
-    """Write a culling row, moved outwards by `SLACK`."""
-    _set_row(frusta.rows, k * ROW_SIZE + 4 * row, a * scale, b * scale, c * scale, d * scale - SLACK)
-
-
-@inlined_kernel
-def _set_eye_plane(frusta, k, row, directions, edge, growth, space):
-    """Write the plane through the eye and an edge, and return True, if it bounds the frustum."""
-    m = _cross(_item(directions, EDGES[edge, 0]), _item(directions, EDGES[edge, 1]))
+@kernel
+def _eye_plane(directions, g, h, growth, space):
+    """Row of the plane through the eye and two directions; `UNUSED` if it does not bound the frustum."""
+    m = _cross(_item(directions, g), _item(directions, h))
     low = high = 0.0
     for i in range(6):
         value = _dot(m, _item(directions, i))
         low, high = min(low, value), max(high, value)
-    a, b, d, weight = _in_proj(m, 0.0, space)
+    row, weight = _in_proj(m, 0.0, space)
     limit = _limit(m, weight, growth)
     if (high > limit and low < -limit) or not weight > 0.0:
-        return False
-    _set_culling_row(frusta, k, row, a, b, 0.0, d, (1.0 if high <= limit else -1.0) / weight)
-    return True
+        return UNUSED
+    return _culling_plane(row, (1.0 if high <= limit else -1.0) / weight)
 
 
-@inlined_kernel
-def _eye_planes(frusta, k, n_edges, shape, outside, growth, space):
-    """Write the planes through the eye and the outline's edges, among the first `n_edges` of `EDGES`."""
-    row = EYE_ROW
-    for edge in range(n_edges):
-        if outside[EDGES[edge, 2]] != outside[EDGES[edge, 3]] and row < N_ROWS:
-            row += _set_eye_plane(frusta, k, row, shape.direction, edge, growth, space)
-
-
-@inlined_kernel
-def _wedge_plane(frusta, k, i, side_a, side_b, shape, growth, largest_v, space):
-    """Write the wedge plane of vertex i, between two side planes, if it bounds the frustum."""
+@kernel
+def _wedge_plane(side_a, side_b, i, directions, vertices, largest_v, growth, space):
+    """Row of the wedge plane of vertex i, between two side planes; `UNUSED` if it does not bound the frustum."""
     half = _sum(side_a, side_b)
     if _dot(half, half) < SMALLEST_HALF:
-        return
+        return UNUSED
     # Remove what rounding left along the ray, so that the plane contains the light
-    ray = _item(shape.direction, 3 + i)
+    ray = _item(directions, 3 + i)
     m = _minus(half, _scaled(ray, _dot(half, ray)))
-    vertex = _scaled(_item(shape.direction, i), shape.length[i])
-    c = -_dot(m, vertex)
-    a, b, d, weight = _in_proj(m, c, space)
+    c = -_dot(m, vertices[i])
+    row, weight = _in_proj(m, c, space)
     limit = _limit(m, weight, growth)
     for j in range(3):
-        other = _scaled(_item(shape.direction, j), shape.length[j])
-        if _dot(m, _minus(other, vertex)) > limit * largest_v or _dot(m, _item(shape.direction, 3 + j)) > limit:
-            return
-    _set_culling_row(frusta, k, WEDGE_ROW + i, a, b, c, d, 1.0 / weight)
+        if (_dot(m, _minus(vertices[j], vertices[i])) > limit * largest_v
+                or _dot(m, _item(directions, 3 + j)) > limit):
+            return UNUSED
+    return _culling_plane(row, 1.0 / weight)
 
 
-@inlined_kernel
-def _set_direction(shape, i, v):
-    """Store one direction and its length."""
+@kernel
+def _store_direction(directions, i, v):
+    """Store a vector as a unit vector; returns its length."""
     length = np.sqrt(_dot(v, v))
     scale = 1.0 / length if length > 0.0 else 0.0
-    shape.length[i] = length
-    shape.direction[i, 0], shape.direction[i, 1], shape.direction[i, 2] = v[0] * scale, v[1] * scale, v[2] * scale
+    directions[i, 0], directions[i, 1], directions[i, 2] = v[0] * scale, v[1] * scale, v[2] * scale
+    return length
 
 
-@inlined_kernel
-def _make_frustum(k, corners, side, space, eye_edges, wedge_planes, shape, frusta):
+@kernel
+def _store_row(rows, first, row):
+    """Store a row as float32."""
+    for j in range(4):
+        rows[first + j] = row[j]
+
+
+@kernel
+def _make_frustum(k, triangle, side, space, eye_edges, wedge_planes, directions, rows, exact_rows):
     """Write all rows of one frustum."""
-    t = frusta.triangle[k]
-    p, q, s = _corner(corners, t, 0), _corner(corners, t, 1), _corner(corners, t, 2)
-    vp, vq, vs = _minus(p, space.eye), _minus(q, space.eye), _minus(s, space.eye)
-    ep, eq, es = _from_light(p, space.light), _from_light(q, space.light), _from_light(s, space.light)
+    p, q, s = triangle
+    vertices = _minus(p, space.eye), _minus(q, space.eye), _minus(s, space.eye)
+    rays = _from_light(p, space.light), _from_light(q, space.light), _from_light(s, space.light)
     # Cap plane: towards the light is outside
     normal = _cross(_minus(q, p), _minus(s, p))
     normal = _scaled(normal, side / np.sqrt(_dot(normal, normal)))
-    height = -_dot(normal, vp)
-    _set_plane(frusta, k, CAP_ROW, normal, height + space.bias, space)
+    height = -_dot(normal, vertices[0])
     # Side planes
-    m0, m1, m2 = (_side_normal(p, q, ep, eq, side), _side_normal(q, s, eq, es, side), _side_normal(s, p, es, ep, side))
-    c0, c1, c2 = (_value_at_eye(m0, p, q, vp, vq), _value_at_eye(m1, q, s, vq, vs), _value_at_eye(m2, s, p, vs, vp))
-    _set_plane(frusta, k, 0, m0, c0, space)
-    _set_plane(frusta, k, 1, m1, c1, space)
-    _set_plane(frusta, k, 2, m2, c2, space)
+    m0, m1, m2 = (_side_normal(p, q, rays[0], rays[1], side), _side_normal(q, s, rays[1], rays[2], side),
+                  _side_normal(s, p, rays[2], rays[0], side))
+    c0, c1, c2 = (_value_at_eye(m0, p, q, vertices[0], vertices[1]), _value_at_eye(m1, q, s, vertices[1], vertices[2]),
+                  _value_at_eye(m2, s, p, vertices[2], vertices[0]))
+    own = (_plane(m0, c0, space), _plane(m1, c1, space), _plane(m2, c2, space),
+           _plane(normal, height + space.bias, space))
+    first = k * ROW_SIZE
+    for row in range(WEDGE_ROW):
+        _store_row(rows, first + 4 * row, own[row])
+        for j in range(4):
+            exact_rows[k, row, j] = own[row][j]
     # Culling planes
-    for i in range(4 * WEDGE_ROW, ROW_SIZE):
-        frusta.rows[k * ROW_SIZE + i] = -1.0 if i % 4 == 3 else 0.0
+    for row in range(WEDGE_ROW, N_ROWS):
+        _store_row(rows, first + 4 * row, UNUSED)
     if eye_edges == 0 and not wedge_planes:
         return
-    for i, v in enumerate((vp, vq, vs, ep, eq, es, _minus(q, p), _minus(s, q), _minus(p, s))):
-        _set_direction(shape, i, v)
-    growth, largest_v = _growth(shape, abs(_dot(normal, ep)), space.light[3] == 0.0, space.reach)
+    largest_v = largest_e = 0.0
+    for i in range(3):
+        largest_v = max(largest_v, _store_direction(directions, i, vertices[i]))
+        largest_e = max(largest_e, _store_direction(directions, 3 + i, rays[i]))
+    for i, edge in enumerate((_minus(q, p), _minus(s, q), _minus(p, s))):
+        _store_direction(directions, 6 + i, edge)
+    growth = _growth(largest_v, largest_e, abs(_dot(normal, rays[0])), space)
     if wedge_planes:
-        _wedge_plane(frusta, k, 0, m2, m0, shape, growth, largest_v, space)
-        _wedge_plane(frusta, k, 1, m0, m1, shape, growth, largest_v, space)
-        _wedge_plane(frusta, k, 2, m1, m2, shape, growth, largest_v, space)
+        sides = m2, m0, m1, m2
+        for i in range(3):
+            _store_row(rows, first + 4 * (WEDGE_ROW + i),
+                       _wedge_plane(sides[i], sides[i + 1], i, directions, vertices, largest_v, growth, space))
     outside = c0 > 0.0, c1 > 0.0, c2 > 0.0, height > 0.0, False
-    _eye_planes(frusta, k, eye_edges, shape, outside, growth, space)
+    row = EYE_ROW
+    for edge in range(eye_edges):
+        if outside[EDGES[edge, 2]] != outside[EDGES[edge, 3]] and row < N_ROWS:
+            _store_row(rows, first + 4 * row, _eye_plane(directions, EDGES[edge, 0], EDGES[edge, 1], growth, space))
+            row += 1
 
 
 @kernel
@@ -377,9 +373,13 @@ def _frusta_part(corners, sides, view, eye_edges, wedge_planes, frusta, worker):
     light, reach = view.light, view.reach
     space = _Space(_vector(view.eye), _vector(view.right), _vector(view.up), _vector(view.forward),
                    (light[0], light[1], light[2], light[3]), view.bias, _vector(reach))
-    shape = _Shape(np.empty((9, 3)), np.empty(9))
+    # Unit vectors: the vertices seen from the eye, the light's rays there, the edges
+    directions = np.empty((9, 3))
     for k in range(n * worker // N_WORKERS, n * (worker + 1) // N_WORKERS):
-        _make_frustum(k, corners, sides[frusta.triangle[k]], space, eye_edges, wedge_planes, shape, frusta)
+        t = frusta.triangle[k]
+        triangle = _corner(corners, t, 0), _corner(corners, t, 1), _corner(corners, t, 2)
+        _make_frustum(k, triangle, sides[t], space, eye_edges, wedge_planes, directions, frusta.rows,
+                      frusta.exact_rows)
 
 
 @parallel_kernel

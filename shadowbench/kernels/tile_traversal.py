@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import inlined_kernel, kernel, parallel_kernel, prange
-from shadowbench.kernels.depth_hierarchy import samples_offset
+from shadowbench.jit import kernel, parallel_kernel, prange
 from shadowbench.kernels.lanes import (
     LANES,
     classify_boxes,
@@ -101,31 +100,18 @@ def empty_counts(tree, n_frusta):
                   np.zeros(branching, np.int64))
 
 
-@inlined_kernel
-def _test_node(tree, frusta, planes, k, level, row, column, node, open_children):
-    """Test the children of a node; returns masks (not rejected, not certainly inside)."""
-    lanes = tree.n_chunks * LANES
-    x0 = level.first_x + column * (2 * LANES)
-    y0 = level.first_y + row * (2 * lanes)
-    r0 = node * (2 * lanes)
-    first = k * ROW_SIZE
-    alive = open_children
-    if planes.eye:
-        alive &= ~outside_eye_planes(frusta, first + 4 * EYE_ROW, tree, x0, 0, y0, r0, alive)
-    if planes.wedge and alive != 0:
-        alive &= ~outside_wedge_planes(frusta, first + 4 * WEDGE_ROW, tree, x0, 0, y0, r0, alive)
-    if alive == 0:
-        return alive, alive
-    outside, partial = classify_boxes(frusta, first, tree, x0, 0, y0, r0, alive)
-    alive &= ~outside
-    return alive, alive & partial
-
-
 @kernel
 def _root_part(tree, frusta, planes, tests, worker):
-    n, root = len(frusta.triangle), tree.levels[0]
+    """Test the root's children against a share of the frusta."""
+    n, occupied = len(frusta.triangle), tree.occupied[0]
     for k in range(n * worker // N_WORKERS, n * (worker + 1) // N_WORKERS):
-        tests.alive[k], tests.partial[k] = _test_node(tree, frusta, planes, k, root, 0, 0, 0, tree.occupied[0])
+        first, alive = k * ROW_SIZE, occupied
+        if planes.eye:
+            alive &= ~outside_eye_planes(frusta, first + 4 * EYE_ROW, tree, 0, 0, 0, 0, alive)
+        if planes.wedge and alive != 0:
+            alive &= ~outside_wedge_planes(frusta, first + 4 * WEDGE_ROW, tree, 0, 0, 0, 0, alive)
+        outside, partial = classify_boxes(frusta, first, tree, 0, 0, 0, 0, alive)
+        tests.alive[k], tests.partial[k] = alive & ~outside, partial
 
 
 @parallel_kernel
@@ -135,39 +121,43 @@ def _test_root(tree, frusta, planes, tests):
 
 
 @kernel
-def _inside_in_float64(exact_rows, k, x, y, r):
+def _inside_in_float64(rows, k, x, y, r):
     """Decide a sample: on or inside the side planes, strictly inside the cap plane."""
     for row in range(CAP_ROW):
-        value = (exact_rows[k, row, 0] * x + (exact_rows[k, row, 1] * y + exact_rows[k, row, 3])
-                 + exact_rows[k, row, 2] * r)
-        if value > 0.0:
+        if rows[k, row, 0] * x + (rows[k, row, 1] * y + rows[k, row, 3]) + rows[k, row, 2] * r > 0.0:
             return False
-    return (exact_rows[k, CAP_ROW, 0] * x + (exact_rows[k, CAP_ROW, 1] * y + exact_rows[k, CAP_ROW, 3])
-            + exact_rows[k, CAP_ROW, 2] * r) < 0.0
+    return (rows[k, CAP_ROW, 0] * x + (rows[k, CAP_ROW, 1] * y + rows[k, CAP_ROW, 3])
+            + rows[k, CAP_ROW, 2] * r) < 0.0
 
 
-@inlined_kernel
-def _test_samples(tree, frusta, k, row, column, tile, candidates, depth):
-    """Test the samples of a tile; returns (mask in shadow, mask decided in float64)."""
+@kernel
+def _outside_in_float64(tree, frusta, k, row, column, undecided, depth):
+    """Mask of those samples of a tile, among the undecided ones, that are not in the frustum."""
     level = tree.levels[-1]
-    x0 = level.first_x + column * (2 * LANES)
-    y0 = level.first_y + row * (2 * tree.n_chunks * LANES)
-    outside, unsure = classify_samples(frusta, k * ROW_SIZE, tree, x0, 0, y0, samples_offset(tree, tile), candidates)
-    inside = candidates & ~outside
-    undecided = inside & unsure
-    rest = undecided
-    while rest != 0:
-        lane = lowest_bit(rest)
+    outside = np.uint64(0)
+    while undecided != 0:
+        lane = lowest_bit(undecided)
         bit = np.uint64(1) << np.uint64(lane)
-        rest ^= bit
+        undecided ^= bit
         y, x = row * level.grid_y + lane // level.grid_x, column * level.grid_x + lane % level.grid_x
         r = 1.0 / depth[y * len(tree.plane_x) + x]
         if not _inside_in_float64(frusta.exact_rows, k, tree.plane_x[x], tree.plane_y[y], r):
-            inside ^= bit
-    return inside, undecided
+            outside |= bit
+    return outside
 
 
-@inlined_kernel
+@kernel
+def _mark_full(tree, shadow, index, row, column, accepted):
+    """Mark the accepted children of a node."""
+    level, below = tree.levels[index], tree.levels[index + 1]
+    while accepted != 0:
+        lane = lowest_bit(accepted)
+        accepted ^= np.uint64(1) << np.uint64(lane)
+        child_row, child_column = row * level.grid_y + lane // level.grid_x, column * level.grid_x + lane % level.grid_x
+        shadow.full[below.first + child_row * below.columns + child_column] = 1
+
+
+@kernel
 def _close(tree, shadow, index, row, column):
     """Tell the ancestors below the root, as far as it matters, that a tile has nothing left to test."""
     while index > 1:
@@ -181,86 +171,114 @@ def _close(tree, shadow, index, row, column):
             return
 
 
-@inlined_kernel
-def _traverse(tree, frusta, planes, k, row, column, depth, shadow, stack, worker, counts):
-    """Walk one frustum through the tree below the root's child (row, column)."""
-    last = len(tree.levels) - 1
+@kernel
+def _pack(index, row, column):
+    """Pack a node into one integer."""
+    return ((index << _COLUMN_BITS) + row << _COLUMN_BITS) + column
+
+
+@kernel
+def _unpack(entry):
+    """Undo `_pack`."""
     low_bits = (1 << _COLUMN_BITS) - 1
-    stack[0] = ((1 << _COLUMN_BITS) + row << _COLUMN_BITS) + column
-    n_stacked = 1
-    while n_stacked > 0:
-        n_stacked -= 1
-        entry = stack[n_stacked]
-        index, row, column = entry >> 2 * _COLUMN_BITS, entry >> _COLUMN_BITS & low_bits, entry & low_bits
-        level = tree.levels[index]
-        tile = row * level.columns + column
-        node = level.first + tile
-        candidates = shadow.open[node]
-        if counts is not None:
-            counts.visits[node] += 1
-            counts.frustum_visits[worker, k] += 1
-        if index == last:
-            closed, undecided = _test_samples(tree, frusta, k, row, column, tile, candidates, depth)
-            shadow.samples[tile] |= closed
-            if counts is not None:
-                counts.retries[worker] += count_bits(undecided)
-        else:
-            alive, partial = _test_node(tree, frusta, planes, k, level, row, column, node, candidates)
-            closed = alive & ~partial
-            if counts is not None:
-                counts.rejects[worker, index] += count_bits(candidates & ~alive)
-                counts.accepts[worker, index] += count_bits(closed)
-                counts.refinements[worker, index] += count_bits(partial)
-            while alive != 0:
-                lane = lowest_bit(alive)
-                bit = np.uint64(1) << np.uint64(lane)
-                alive ^= bit
-                child_row = row * level.grid_y + lane // level.grid_x
-                child_column = column * level.grid_x + lane % level.grid_x
-                if partial & bit != 0:
-                    stack[n_stacked] = ((index + 1 << _COLUMN_BITS) + child_row << _COLUMN_BITS) + child_column
-                    n_stacked += 1
-                else:
-                    below = tree.levels[index + 1]
-                    shadow.full[below.first + child_row * below.columns + child_column] = 1
-        if planes.skip_shadowed and closed != 0:
-            shadow.open[node] = candidates & ~closed
-            if shadow.open[node] == 0:
-                _close(tree, shadow, index, row, column)
+    return entry >> 2 * _COLUMN_BITS, entry >> _COLUMN_BITS & low_bits, entry & low_bits
+
+
+@kernel
+def _push_root_child(tree, shadow, tests, planes, k, worker, stack):
+    """Start the walk of frustum k below the root's child; returns the number of nodes stacked."""
+    root, level = tree.levels[0], tree.levels[1]
+    row, column = worker // root.grid_x, worker % root.grid_x
+    if tests.partial[k] >> np.uint64(worker) & np.uint64(1) != 0:
+        stack[0] = _pack(1, row, column)
+        return 1
+    node = level.first + row * level.columns + column
+    shadow.full[node] = 1
+    if planes.skip_shadowed:
+        shadow.open[node] = 0
+    return 0
 
 
 @kernel
 def _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts):
-    """Walk all frusta through the root's child `worker`."""
-    root, level = tree.levels[0], tree.levels[1]
+    """Walk all frusta through the root's child `worker`.
+
+    The loop calls functions with records only on rare paths: a call takes a reference count for each array in them.
+    """
+    root, level, last = tree.levels[0], tree.levels[1], len(tree.levels) - 1
     row, column = worker // root.grid_x, worker % root.grid_x
     if row >= level.rows or column >= level.columns:
         return
-    node = level.first + row * level.columns + column
+    tile_node = level.first + row * level.columns + column
+    tile_bit = np.uint64(1) << np.uint64(worker)
     stack = np.empty(_STACK_SIZE, np.int64)
-    bit = np.uint64(1) << np.uint64(worker)
+    lanes = tree.n_chunks * LANES
+    samples_r = 2 * lanes * tree.levels[last].first
     for k in range(len(frusta.triangle)):
-        if tests.alive[k] & bit == 0:
-            if counts is not None and shadow.open[node] != 0:
+        if tests.alive[k] & tile_bit == 0:
+            if counts is not None and shadow.open[tile_node] != 0:
                 counts.rejects[worker, 0] += 1
             continue
-        if planes.skip_shadowed and shadow.open[node] == 0:
+        if planes.skip_shadowed and shadow.open[tile_node] == 0:
             return
-        accepted = tests.partial[k] & bit == 0
+        n_stacked = _push_root_child(tree, shadow, tests, planes, k, worker, stack)
         if counts is not None:
-            counts.accepts[worker, 0] += accepted
-            counts.refinements[worker, 0] += not accepted
-        if accepted:
-            shadow.full[node] = 1
-            if planes.skip_shadowed:
-                shadow.open[node] = 0
-        else:
-            _traverse(tree, frusta, planes, k, row, column, depth, shadow, stack, worker, counts)
+            counts.refinements[worker, 0] += n_stacked
+            counts.accepts[worker, 0] += 1 - n_stacked
+        first = k * ROW_SIZE
+        while n_stacked > 0:
+            n_stacked -= 1
+            index, row, column = _unpack(stack[n_stacked])
+            level = tree.levels[index]
+            tile = row * level.columns + column
+            node = level.first + tile
+            x0, y0 = level.first_x + column * (2 * LANES), level.first_y + row * (2 * lanes)
+            candidates = shadow.open[node]
+            if counts is not None:
+                counts.visits[node] += 1
+                counts.frustum_visits[worker, k] += 1
+            if index == last:
+                # The tile's samples; what float32 leaves open is decided in float64
+                outside, unsure = classify_samples(frusta, first, tree, x0, 0, y0, samples_r + lanes * tile, candidates)
+                closed = candidates & ~outside
+                if closed & unsure != 0:
+                    if counts is not None:
+                        counts.retries[worker] += count_bits(closed & unsure)
+                    closed &= ~_outside_in_float64(tree, frusta, k, row, column, closed & unsure, depth)
+                shadow.samples[tile] |= closed
+            else:
+                # The node's children: culling planes first, the frustum's own for those that survive
+                r0, alive = 2 * lanes * node, candidates
+                if planes.eye:
+                    alive &= ~outside_eye_planes(frusta, first + 4 * EYE_ROW, tree, x0, 0, y0, r0, alive)
+                if planes.wedge:
+                    alive &= ~outside_wedge_planes(frusta, first + 4 * WEDGE_ROW, tree, x0, 0, y0, r0, alive)
+                outside, partial = classify_boxes(frusta, first, tree, x0, 0, y0, r0, alive)
+                alive &= ~outside
+                partial &= alive
+                closed = alive ^ partial
+                if counts is not None:
+                    counts.rejects[worker, index] += count_bits(candidates & ~alive)
+                    counts.accepts[worker, index] += count_bits(closed)
+                    counts.refinements[worker, index] += count_bits(partial)
+                if closed != 0:
+                    _mark_full(tree, shadow, index, row, column, closed)
+                child_row, child_column = row * level.grid_y, column * level.grid_x
+                while partial != 0:
+                    lane = lowest_bit(partial)
+                    partial &= partial - np.uint64(1)
+                    stack[n_stacked] = _pack(index + 1, child_row + lane // level.grid_x,
+                                             child_column + lane % level.grid_x)
+                    n_stacked += 1
+            if planes.skip_shadowed and closed != 0:
+                shadow.open[node] = candidates & ~closed
+                if candidates == closed:
+                    _close(tree, shadow, index, row, column)
 
 
 @parallel_kernel
-def _traverse_tiles(tree, frusta, planes, tests, depth, shadow, counts):
-    for worker in prange(tree.levels[0].grid_x * tree.levels[0].grid_y):
+def _traverse_tiles(n_tiles, tree, frusta, planes, tests, depth, shadow, counts):
+    for worker in prange(n_tiles):
         _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts)
 
 
@@ -280,12 +298,13 @@ def traverse(tree, frusta, planes, depth, shadow, counts):
         return
     tests = RootTests(np.empty(n_frusta, np.uint64), np.empty(n_frusta, np.uint64))
     _test_root(tree, frusta, planes, tests)
-    _traverse_tiles(tree, frusta, planes, tests, depth, shadow, counts)
+    n_tiles = int(tree.levels[0]["grid_x"]) * int(tree.levels[0]["grid_y"])
+    _traverse_tiles(n_tiles, tree, frusta, planes, tests, depth, shadow, counts)
     if counts is not None:
         counts.visits[0] = n_frusta
 
 
-@inlined_kernel
+@kernel
 def _tile_bits(tree, shadow, row, column):
     """Samples of a tile of the last level that are in shadow by themselves or with one of their tiles."""
     bits = shadow.samples[row * tree.levels[-1].columns + column]

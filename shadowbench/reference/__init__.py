@@ -1,8 +1,8 @@
 """The certified reference: independent of every algorithm that it judges.
 
-It shares no kernel with them. `certified.certified_shadows` is the entry point; `predicates` holds the error-bounded
-float64 tests and their proof, `exact` the rational arithmetic behind them, `light_tree`, `frusta` and `traversal` the
-acceleration.
+It shares no kernel with them. `certified.certified_shadows` is the entry point; `predicates` holds the
+error-bounded float64 tests and their proof, `exact` the rational arithmetic behind them, `light_space`,
+`light_tree`, `frusta`, `face_planes` and `traversal` the acceleration.
 """
 
 from shadowbench.reference.certified import ReferenceResult, Statistics, bias_floor, certified_shadows

@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from shadowbench.reference.exact import exact_facing, exact_flags
 from shadowbench.reference.frusta import Frusta, find_facing, make_frusta
+from shadowbench.reference.light_space import LightSpace, make_light_space
 from shadowbench.reference.light_tree import (
     BRANCHING,
     LEAF_SAMPLES,
     WORK_LEVEL,
-    LightSpace,
     LightTree,
     build_light_tree,
-    make_light_space,
 )
 from shadowbench.reference.predicates import (
     BIAS_DOUBLED,
@@ -31,15 +30,16 @@ from shadowbench.reference.predicates import (
 from shadowbench.reference.traversal import N_BLOCKS, WalkCounts, Work, deal, walk
 
 FLOOR_ROUNDINGS = 64
-"""Rounding floor of the bias, in unit roundoffs of the largest coordinate: a sample position is the end of a chain of
-some ten roundings of numbers of that size, so a sample may lie that far behind the very triangle it was computed
-on. Biases below the floor say nothing about the scene, so the ambiguity test leaves them out."""
+"""Rounding floor of the bias, in unit roundoffs of the largest coordinate: a sample position is the end of a
+chain of some ten roundings of numbers of that size, so a sample may lie that far behind the very triangle it
+was computed on. Biases below the floor say nothing about the scene, so the ambiguity test leaves them out."""
 LIST_ENTRIES = 1 << 24
 """Entries that the triangle lists of a batch may take: 64 MB of int32."""
 LARGEST_BATCH = 1 << 16
 """Triangles per batch: bounds the memory of their planes to 14 MB."""
 PAIR_CAPACITY = 2 * LEAF_SAMPLES * BRANCHING**WORK_LEVEL
-"""Undecided pairs that a work node holds before they are settled: room for two triangles that leave all open."""
+"""Undecided pairs that a work node holds before they are settled: room for two triangles that leave all
+open."""
 
 
 class Statistics(NamedTuple):
@@ -66,8 +66,8 @@ class ReferenceResult(NamedTuple):
     Attributes
     ----------
     shadow : bool (n,), True where some triangle shadows the sample.
-    ambiguous : bool (n,), True where the answer changes if all side planes move out, or in, by the tie distance, or for
-        some bias between the rounding floor and twice the bias.
+    ambiguous : bool (n,), True where the answer changes if all side planes move out, or in, by the tie
+        distance, or for some bias between the rounding floor and twice the bias.
     flags : uint8 (n,), the bits of `shadowbench.reference.predicates` that both come from.
     heat : int64 (n,), sample tests per sample, or None unless counting.
     statistics : counts.
@@ -102,21 +102,23 @@ def certified_shadows(
 ) -> ReferenceResult:
     """Decide for each sample whether it is in shadow, exactly, and whether that hangs by a thread.
 
-    Sample p is shadowed by triangle T if it is behind T's plane, seen from the light, by more than `bias`, and on the
-    inner side of, or exactly on, the three planes through the light and an edge of T. Zero-area triangles and
-    triangles edge-on to the light cast nothing.
+    Sample p is shadowed by triangle T if it is behind T's plane, seen from the light, by more than `bias`,
+    and on the inner side of, or exactly on, the three planes through the light and an edge of T. Zero-area
+    triangles and triangles edge-on to the light cast nothing.
 
     Parameters
     ----------
     corners : float64 (n_triangles, 3, 3), world.
-    light : float64 (4,), homogeneous, world: w = 1 a point light, w = 0 the direction towards one infinitely far away.
+    light : float64 (4,), homogeneous, world: w = 1 a point light, w = 0 the direction towards one infinitely
+        far away.
     positions : float64 (n, 3), samples to decide, world.
     bias : distance along the plane normal, world units, from 0 up.
-    tie_distance : float64 (n,), by how much side planes move to find ambiguous samples, world units, from 0 up.
+    tie_distance : float64 (n,), by how much side planes move to find ambiguous samples, world units, from 0
+        up.
     casters : bool (n_triangles,), the triangles that cast, or None for all.
     counting : True to fill node_tests, sample_tests and heat.
-    stage : called with the names "setup", "hierarchy", "traversal", "exact" and "merge", returns the context manager in
-        which that part runs. Traversal and exact arithmetic alternate.
+    stage : called with the names "setup", "hierarchy", "traversal", "exact" and "merge", returns the context
+        manager in which that part runs. Traversal and exact arithmetic alternate.
 
     Raises
     ------
@@ -124,8 +126,8 @@ def certified_shadows(
         If an input is not finite or out of range.
     """
     with stage("setup"):
-        corners, light, positions, tie_distance, casters = _checked(corners, light, positions, bias, tie_distance,
-                                                                    casters)
+        corners, light, positions, tie_distance, casters = _checked(
+            corners, light, positions, bias, tie_distance, casters)
         floor = min(bias_floor(corners, positions), bias)
         biases = np.array([floor, bias, 2.0 * bias])
         flags = np.zeros(len(positions), np.uint8)
@@ -150,7 +152,9 @@ def certified_shadows(
     return _result(flags, heat, search.statistics())
 
 
-def _checked(corners: Any, light: Any, positions: Any, bias: float, tie: Any, casters: Any) -> tuple[Any, ...]:
+def _checked(
+    corners: Any, light: Any, positions: Any, bias: float, tie: Any, casters: Any
+) -> tuple[Any, ...]:
     """Bring the inputs into shape, or say what is wrong with them."""
     corners = np.ascontiguousarray(corners, np.float64).reshape(-1, 3, 3)
     positions = np.ascontiguousarray(positions, np.float64).reshape(-1, 3)
@@ -161,7 +165,7 @@ def _checked(corners: Any, light: Any, positions: Any, bias: float, tie: Any, ca
         if not np.isfinite(array).all():
             raise ValueError(f"{name} must be finite numbers: remove NaN and infinity from the scene")
     if light.shape != (4,) or light[3] not in (0.0, 1.0):
-        raise ValueError(f"the light must be (x, y, z, w) with w = 1 (point) or w = 0 (directional), not {light}")
+        raise ValueError(f"light must be (x, y, z, w) with w = 1 (point) or w = 0 (directional), not {light}")
     if light[3] == 0.0 and not light[:3].any():
         raise ValueError("a directional light needs a direction other than (0, 0, 0)")
     if not 0.0 <= bias < 2.0**1023:
@@ -173,8 +177,11 @@ def _checked(corners: Any, light: Any, positions: Any, bias: float, tie: Any, ca
     return corners, light, positions, tie, casters
 
 
-def _result(flags: NDArray[np.uint8], heat: NDArray[np.int64] | None, statistics: Statistics) -> ReferenceResult:
-    """Read shadow and ambiguity from the flags: each flag only grows with planes moving out and bias shrinking."""
+def _result(
+    flags: NDArray[np.uint8], heat: NDArray[np.int64] | None, statistics: Statistics
+) -> ReferenceResult:
+    """Read shadow and ambiguity from the flags: each flag only grows with planes moving out and bias
+    shrinking."""
     shadow = (flags & SHADOWED) != 0
     sure = (flags & (PLANES_IN | BIAS_DOUBLED)) == PLANES_IN | BIAS_DOUBLED
     near = (flags & (PLANES_OUT | BIAS_FLOOR)) != 0
@@ -190,8 +197,9 @@ class _Search:
         self.n_work = int(tree.work_nodes[1] - tree.work_nodes[0])
         n_samples, shape = len(tree.order), (self.n_work, PAIR_CAPACITY)
         self.work = Work(np.zeros(n_samples, np.uint8), np.zeros(len(tree.box), np.bool_),
-                         np.zeros(self.n_work, np.int64), np.empty(shape, np.int32), np.empty(shape, np.int32),
-                         np.empty(shape, np.uint8), np.zeros(self.n_work, np.int64))
+                         np.zeros(self.n_work, np.int64), np.empty(shape, np.int32),
+                         np.empty(shape, np.int32), np.empty(shape, np.uint8),
+                         np.zeros(self.n_work, np.int64))
         self.counts = None
         if counting:
             self.counts = WalkCounts(np.zeros(self.n_work, np.int64), np.zeros(self.n_work, np.int64),
@@ -206,7 +214,8 @@ class _Search:
             undecided = np.flatnonzero(frusta.facing == 2)
             frusta.facing[undecided] = exact_facing(corners[undecided], self.space.light)
             self.exact_facings += len(undecided)
-            make_frusta(frusta, corners, self.space.light, self.space.origin, self.space.extent, self.biases[2])
+            make_frusta(frusta, corners, self.space.light, self.space.origin, self.space.extent,
+                        self.biases[2])
         with self.stage("traversal"):
             lists, ends = self._deal(frusta, corners)
         while True:
@@ -217,7 +226,9 @@ class _Search:
             if np.all(self.work.next_item == ends):
                 return
 
-    def _deal(self, frusta: Frusta, corners: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    def _deal(
+        self, frusta: Frusta, corners: NDArray[np.float64]
+    ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
         """List the triangles that may reach each work node; return the lists and where each ends."""
         arguments = (self.tree, frusta, corners, self.space, self.biases, self.work.finished)
         reached = np.zeros((N_BLOCKS, self.n_work), np.int64)
@@ -250,8 +261,8 @@ class _Search:
         """Sum the counts."""
         arrays = (*self.tree, *self.work)
         memory = sum(array.nbytes for array in arrays) + self.largest_lists
-        if self.counts is None:
-            return Statistics(0, 0, self.exact_tests, self.exact_facings, memory)
-        node_tests = int(self.counts.node_tests.sum() + self.counts.dealing_tests.sum())
-        return Statistics(node_tests, int(self.counts.sample_tests.sum()), self.exact_tests, self.exact_facings,
-                          memory)
+        node_tests = sample_tests = 0
+        if self.counts is not None:
+            node_tests = int(self.counts.node_tests.sum() + self.counts.dealing_tests.sum())
+            sample_tests = int(self.counts.sample_tests.sum())
+        return Statistics(node_tests, sample_tests, self.exact_tests, self.exact_facings, memory)

@@ -1,7 +1,8 @@
 """The exact stage: what float64 leaves open is settled in integers.
 
-All coordinates of a batch are multiplied by one power of two that makes them integers, so every predicate becomes a
-comparison of integers. NumPy arrays of Python integers keep the formulas readable and the loop in C.
+All coordinates of a batch are multiplied by one power of two that makes them integers, so every predicate
+becomes a comparison of integers. NumPy arrays of Python integers keep the formulas readable and the loop in
+C.
 """
 
 import numpy as np
@@ -28,7 +29,8 @@ def to_integers(*arrays):
     *arrays : float64 arrays of any shape, finite.
     """
     split = [np.frexp(np.asarray(array, np.float64)) for array in arrays]
-    lowest = min((int(exponent[mantissa != 0].min()) for mantissa, exponent in split if np.any(mantissa)), default=0)
+    lowest = min((int(exponent[mantissa != 0].min()) for mantissa, exponent in split if np.any(mantissa)),
+                 default=0)
     integers = []
     for mantissa, exponent in split:
         # Zeros have exponent 0, which may lie below the lowest one: shift them by nothing.

@@ -1,16 +1,17 @@
 """One frustum in the light-space coordinates of one face, as plain numbers, and the tests against it.
 
-Kernels keep these numbers in registers: passing arrays around in the inner loops would count references, which
-threads then fight over.
+Kernels keep these numbers in registers: passing arrays around in the inner loops would count references,
+which threads then fight over.
 
-**Triangle box.** Lines alone separate badly where a frustum is a sliver, so a box around the frustum's cross-section
-rejects nodes too. Where all three vertices lie in front of the face, the cross-section is the triangle of their
-light-space positions; moved outwards by a margin e it is a triangle whose corner between the lines i and j shifts by
-``(B_i - B_j, A_j - A_i) e / (A_i B_j - A_j B_i)`` at most, in the sense of ``|B_i| + |B_j|``. The coefficients are off by
-less than ``w - 1`` each, w being the tie factor. Where the determinant exceeds ``8 (w_i - 1 + w_j - 1)`` the computed quotient
-is within a factor of three; four of it is a bound. The quotient is at least 1, because |A|, |B| <= 1, so it also carries
-the error of a sample's coordinate, which is less than the error bound of the lines. Where a vertex lies behind the
-face, or a determinant is too small, the box is infinite.
+**Triangle box.** Lines alone separate badly where a frustum is a sliver, so a box around the frustum's
+cross-section rejects nodes too. Where all three vertices lie in front of the face, the cross-section is the
+triangle of their light-space positions; moved outwards by a margin e it is a triangle whose corner between
+the lines i and j shifts by ``(B_i - B_j, A_j - A_i) e / (A_i B_j - A_j B_i)`` at most, in the sense of
+``|B_i| + |B_j|``. The coefficients are off by less than ``w - 1`` each, w being the tie factor. Where the
+determinant exceeds ``8 (w_i - 1 + w_j - 1)`` the computed quotient is within a factor of three; four of it is
+a bound. The quotient is at least 1, because |A|, |B| <= 1, so it also carries the error of a sample's
+coordinate, which is less than the error bound of the lines. Where a vertex lies behind the face, or a
+determinant is too small, the box is infinite.
 """
 
 from typing import NamedTuple
@@ -24,7 +25,8 @@ REJECT, REFINE, ACCEPT = 0, 1, 2
 """Answers of a test: no sample gets any flag; undecided; every sample gets all flags."""
 
 VERTEX_ERROR = 16 * UNIT_ROUNDOFF
-"""Error of a vertex in light space per unit of its magnitude: 3 units for a point light, 12 for a directional one."""
+"""Error of a vertex in light space per unit of its magnitude: 3 units for a point light, 12 for a directional
+one."""
 SLOPE_MARGIN = 4.0
 """Makes the computed shift of a corner a bound."""
 DETERMINANT_MARGIN = 8.0
@@ -65,7 +67,8 @@ class FacePlanes(NamedTuple):
     ----------
     x0, y0, k0, error0, tie0 : side plane of the first edge, its error bound and tie factor; 1 and 2 likewise.
     cap_x, cap_y : cap plane.
-    k_floor, r_floor, k_doubled, r_doubled : the rest of it, moved by the rounding floor and by twice the bias.
+    k_floor, r_floor, k_doubled, r_doubled : the rest of it, moved by the rounding floor and by twice the
+        bias.
     cap_error, cap_error_r : its error bound, constant and factor of r.
     """
 
@@ -116,12 +119,13 @@ class TriangleBox(NamedTuple):
 
 @kernel
 def face_frame(space, face, biases):
-    """Describe a face (as in `light_tree`) of a `LightSpace`; biases as in `predicates.classify`."""
+    """Describe a face of a `LightSpace`; biases as in `predicates.classify`."""
     i0 = face // 2
     i1, i2 = (i0 + 1) % 3, (i0 + 2) % 3
     origin, shear = space.origin, space.shear
-    return FaceFrame(space.light[3] != 0.0, i0, i1, i2, -1.0 if face % 2 == 1 else 1.0, origin[i0], origin[i1],
-                     origin[i2], shear[0], shear[1], biases[0], biases[2])
+    sign = -1.0 if face % 2 == 1 else 1.0
+    return FaceFrame(space.light[3] != 0.0, i0, i1, i2, sign, origin[i0], origin[i1], origin[i2], shear[0],
+                     shear[1], biases[0], biases[2])
 
 
 @kernel
@@ -130,7 +134,8 @@ def _line(planes, t, k, frame):
     constant = planes[t, k, 3]
     if frame.is_point:
         constant = frame.sign * planes[t, k, frame.axis]
-    return (planes[t, k, frame.next_axis], planes[t, k, frame.last_axis], constant, planes[t, k, 4], planes[t, k, 5])
+    x, y = planes[t, k, frame.next_axis], planes[t, k, frame.last_axis]
+    return x, y, constant, planes[t, k, 4], planes[t, k, 5]
 
 
 @kernel
@@ -146,15 +151,17 @@ def face_planes(planes, t, frame):
     else:
         r = z + x * frame.shear_next + y * frame.shear_last
         k_floor, r_floor, k_doubled, r_doubled = offset - frame.floor, r, offset - frame.doubled, r
-    return FacePlanes(x0, y0, k0, error0, tie0, x1, y1, k1, error1, tie1, x2, y2, k2, error2, tie2, x, y, k_floor,
-                      r_floor, k_doubled, r_doubled, planes[t, 3, 4], planes[t, 3, 5])
+    return FacePlanes(x0, y0, k0, error0, tie0, x1, y1, k1, error1, tie1, x2, y2, k2, error2, tie2,
+                      x, y, k_floor, r_floor, k_doubled, r_doubled, planes[t, 3, 4], planes[t, 3, 5])
 
 
 @kernel
 def _vertex(corners, t, k, frame):
-    """Light-space x and y of a vertex, and their error bounds; NaN where the vertex is not in front of the face."""
+    """Light-space x and y of a vertex, and their error bounds; NaN where the vertex is not in front of the
+    face."""
     z = frame.sign * (corners[t, k, frame.axis] - frame.origin)
-    c1, c2 = corners[t, k, frame.next_axis] - frame.origin_next, corners[t, k, frame.last_axis] - frame.origin_last
+    c1 = corners[t, k, frame.next_axis] - frame.origin_next
+    c2 = corners[t, k, frame.last_axis] - frame.origin_last
     if frame.is_point:
         if not z > 0.0:
             return np.nan, np.nan, np.nan, np.nan
@@ -170,7 +177,7 @@ def _slopes(xi, yi, tie_i, xj, yj, tie_j):
     determinant = abs(xi * yj - xj * yi)
     if not determinant > DETERMINANT_MARGIN * (tie_i - 1.0 + (tie_j - 1.0)):
         return np.nan, np.nan
-    return (SLOPE_MARGIN * (abs(yi) + abs(yj)) / determinant, SLOPE_MARGIN * (abs(xi) + abs(xj)) / determinant)
+    return SLOPE_MARGIN * (abs(yi) + abs(yj)) / determinant, SLOPE_MARGIN * (abs(xi) + abs(xj)) / determinant
 
 
 @kernel
@@ -192,7 +199,8 @@ def triangle_box(corners, t, frame, planes):
              + slope_xa + slope_xb + slope_xc + slope_ya + slope_yb + slope_yc)
     if not abs(total) < np.inf:
         low_x, high_x, low_y, high_y, slope_x, slope_y = -np.inf, np.inf, -np.inf, np.inf, 0.0, 0.0
-    return TriangleBox(low_x, high_x, low_y, high_y, slope_x, slope_y, max(planes.error0, planes.error1, planes.error2),
+    return TriangleBox(low_x, high_x, low_y, high_y, slope_x, slope_y,
+                       max(planes.error0, planes.error1, planes.error2),
                        max(planes.tie0, planes.tie1, planes.tie2))
 
 
@@ -208,7 +216,8 @@ def outside_box(bound, low_x, high_x, low_y, high_y, tie):
 
 @kernel
 def _largest(x, y, low_x, high_x, low_y, high_y):
-    """Largest value of x X + y Y over a box: of the same operations as at a sample, so rounding keeps the order."""
+    """Largest value of x X + y Y over a box: of the same operations as at a sample, so rounding keeps the
+    order."""
     return max(x * low_x, x * high_x) + max(y * low_y, y * high_y)
 
 

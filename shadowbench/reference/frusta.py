@@ -1,26 +1,31 @@
 """Shadow frusta as plane coefficients for the fast stage, with error bounds that hold for every sample.
 
 Coordinates are relative to an origin o: the light itself, or the middle of the samples where the light is at
-infinity. A plane is ``f(C) = m . C + k`` with ``C = p - o``, scaled by a positive number (the rounded ``1 / |m|``,
-written 1/l) and turned so that the inside of the frustum is positive. Since l is just some positive number, its own
-rounding cannot change a sign. In the notation of `predicates`, ``P_i = M_i / l`` and P1 is their sum:
+infinity. A plane is ``f(C) = m . C + k`` with ``C = p - o``, scaled by a positive number (the rounded ``1 /
+|m|``, written 1/l) and turned so that the inside of the frustum is positive. Since l is just some positive
+number, its own rounding cannot change a sign. In the notation of `predicates`, ``P_i = M_i / l`` and P1 is
+their sum:
 
 * a coefficient m_i / l is off by ``gamma_5 P_i``;
-* ``| |m| / l - 1 | <= 8 u P1``, so a distance e becomes ``e (1 ± 8 u P1)`` in scaled values (P1 >= 1 up to rounding).
+* ``| |m| / l - 1 | <= 9 u P1``, so a distance e becomes ``e (1 ± 9 u P1)`` in scaled values (P1 >= 1 up to
+  rounding).
 
-`light_tree` defines the light-space coordinates (x, y, r) and their errors.
+`light_space` defines the light-space coordinates (x, y, r) and their errors.
 
-**Point light.** ``f / z`` = m_x x + m_y y + m_z with |x|, |y| <= 1 + 2u and each computed with three roundings. Per term
-5 + 3 + 1, two additions: ``|error| <= gamma_11 P1``. The cap adds ``k r`` with ``k = n . (o - a)``, r off by two roundings:
-``gamma_13 sum P_i |a_i - o_i| r``, and the bias b enters as ``b r``: ``(3 + 8 P1) u b r``.
+**Point light.** ``f / z`` = m_x x + m_y y + m_z with |x|, |y| <= 1 + 2u and each computed with three
+roundings. Per term 5 + 3 + 1, and three additions in the cap: ``|error| <= gamma_12 P1``. The cap adds ``k
+r`` with ``k = n . (o - a)`` of nine roundings, one more for the bias, two of r, the product and the sum:
+``gamma_14 sum P_i |a_i - o_i| r``. The bias b enters as ``b r``, which is off by ``(5 + 9 P1) u b r``.
 
-**Directional light.** m . d = 0 makes ``f = m_x x + m_y y + k`` with x, y off by ``12 u S``, S being the largest
-component of a C; |x|, |y| <= 2 S. Together ``28 u S P1 + gamma_13 sum P_i |u_i - o_i|``. The cap's coefficient of r takes
-``9 u`` more, so ``40 u S P1``, and the bias ``(3 + 8 P1) u b``.
+**Directional light.** m . d = 0 makes ``f = m_x x + m_y y + k`` with x, y off by ``12 u S``, S being the
+largest component of a C, and |x|, |y| <= 2 S: ``30 u S P1 + gamma_14 sum P_i |u_i - o_i|``. The cap's
+coefficient of r takes nine roundings, with the product and the sum ``11 u S P1`` more, and the bias ``(3 + 9
+P1) u b``.
 
-The constants below are these, rounded up to leave room for the rounding of the bounds themselves. With l above
-`SMALLEST_LENGTH` and P1 below `LARGEST_SUM_P`, all that underflow takes is less than `UNDERFLOW_SLACK`: ``2**-1074 / l`` from
-an offset, ``P1 2**-1074`` from a coordinate. Elsewhere the bounds are infinite or NaN, so nothing is decided here.
+The constants below are these, rounded up to leave room for the rounding of the bounds themselves. With l
+above `SMALLEST_LENGTH` and P1 below `LARGEST_SUM_P`, all that underflow takes is less than `UNDERFLOW_SLACK`:
+``2**-1074 / l`` from an offset, ``P1 2**-1074`` from a coordinate. Elsewhere the bounds are infinite or NaN,
+so nothing is decided here.
 """
 
 from typing import NamedTuple
@@ -36,11 +41,11 @@ from shadowbench.reference.predicates import (
 )
 
 POINT_ERROR = 16 * UNIT_ROUNDOFF
-"""Error of a point light's plane value per P1; the proof needs 13 units."""
+"""Error of a point light's plane value per P1; the proof needs 14 units."""
 DIRECTIONAL_ERROR = 48 * UNIT_ROUNDOFF
-"""Error of a directional light's plane value per unit of S P1; the proof needs 40 units."""
+"""Error of a directional light's plane value per unit of S P1; the proof needs 41 units."""
 TIE_ERROR = 16 * UNIT_ROUNDOFF
-"""Relative error of a tie distance per P1; the proof needs 12 units."""
+"""Relative error of a tie distance per P1; the proof needs 9, the tie distance 3 and the margin 2 units."""
 SMALLEST_LENGTH = 2.0**-460
 """Smallest |m| whose squares are far from underflow."""
 LARGEST_LENGTH = 2.0**500
@@ -59,9 +64,10 @@ class Frusta(NamedTuple):
     Attributes
     ----------
     facing : int8 (n,), +1 or -1: the side that faces the light; 0: casts nothing; 2: not decided yet.
-    planes : float64 (n, 4, 6), the side plane of each edge, then the cap plane without bias. Columns: coefficients
-        of x, y, z; constant (zero for side planes of a point light); error bound of the light-space value; and for
-        a side plane the factor that widens a tie distance by its own error, for the cap the error bound per r.
+    planes : float64 (n, 4, 6), the side plane of each edge, then the cap plane without bias. Columns:
+        coefficients of x, y, z; constant (zero for side planes of a point light); error bound of the
+        light-space value; and for a side plane the factor that widens a tie distance by its own error, for
+        the cap the error bound per r.
     """
 
     facing: np.ndarray

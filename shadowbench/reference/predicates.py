@@ -1,32 +1,33 @@
 """Float64 predicates with a proven forward error bound: each answers yes, no, or "ask exact arithmetic".
 
-Notation: ``u = 2**-53`` is the unit roundoff, ``gamma_k = k u / (1 - k u)`` (Higham 2002, lemma 3.1), a hat marks
-a computed value, and all inputs (vertices, light, sample, distances) are exact float64 numbers.
+Notation: ``u = 2**-53`` is the unit roundoff, ``gamma_k = k u / (1 - k u)`` (Higham 2002, lemma 3.1), a hat
+marks a computed value, and all inputs (vertices, light, sample, distances) are exact float64 numbers.
 
-**Plane values.** Every sign here is that of ``f = m . c`` with ``m = x × y``, where each component of the vectors
-x, y and c is an input or the difference of two inputs. A computed difference is ``(exact)(1 + d)``, ``|d| <= u``:
-subtraction never underflows. Let ``M_i = |x_j y_k| + |x_k y_j|``. Each of the two products in m_i carries three
-rounding factors (two differences, one product) and the subtraction a fourth, so ``|m^_i - m_i| <= gamma_4 M_i``.
-The factor c_i, its product and two additions bring that to eight: ``|f^ - f| <= gamma_8 sum M_i |c_i|``. The bound is
-a sum of non-negative terms with at most the same eight factors each, so its computed value falls short of it by a
-factor of ``1 - gamma_8`` at most, and ``9 u`` times the computed sum is a valid bound. `FILTER_ERROR` is 12 u; the
-rest covers comparing f^ with a distance (below).
+**Plane values.** Every sign here is that of ``f = m . c`` with ``m = x × y``, where each component of the
+vectors x, y and c is an input or the difference of two inputs. A computed difference is ``(exact)(1 + d)``,
+``|d| <= u``: subtraction never underflows. Let ``M_i = |x_j y_k| + |x_k y_j|``. Each of the two products in
+m_i carries three rounding factors (two differences, one product) and the subtraction a fourth, so ``|m^_i -
+m_i| <= gamma_4 M_i``. The factor c_i, its product and two additions bring that to eight: ``|f^ - f| <=
+gamma_8 sum M_i |c_i|``. The bound is a sum of non-negative terms with at most the same eight factors each, so
+its computed value falls short of it by a factor of ``1 - gamma_8`` at most, and ``9 u`` times the computed
+sum is a valid bound. `FILTER_ERROR` is 12 u; the rest covers comparing f^ with a distance (below).
 
-**Underflow.** A product that underflows is off by at most ``2**-1075``: ``2**-1074`` per m_i, so in total less than
-``2**-1073 (1 + sum |c_i|)``. The same amount may be missing from the computed bound, times 12 u. `UNDERFLOW` is
-far above both.
+**Underflow.** A product that underflows is off by at most ``2**-1075``: ``2**-1074`` per m_i, so in total
+less than ``2**-1073 (1 + sum |c_i|)``. The same amount may be missing from the computed bound, times 12 u.
+`UNDERFLOW` is far above both.
 
 **Distances.** A plane moved by the distance e has the value ``f - e |m|``. For ``l^ = sqrt(m^ . m^)``,
-``|l^ - |m|| <= |m^ - m| + gamma_4 |m^| + 2**-536 <= gamma_4 sum M_i + gamma_4 l^ + 2**-536``: the last term bounds the
-square root of what underflow takes from the squares. The product with e and the final sum add two roundings, so
-``12 u (sum M_i + l^) e + 2**-535 e + UNDERFLOW`` is a valid bound, with slack.
+``|l^ - |m|| <= |m^ - m| + gamma_4 |m^| + 2**-536 <= gamma_4 sum M_i + gamma_4 l^ + 2**-536``: the last term
+bounds the square root of what underflow takes from the squares. The product with e and the final sum add two
+roundings, so ``12 u (sum M_i + l^) e + 2**-535 e + UNDERFLOW`` is a valid bound, with slack.
 
-**Overflow** makes the bound infinite or NaN whenever a value that is compared is (the bound contains the magnitude
-of each intermediate result), and no comparison with such a bound is decided: "yes" needs ``value > bound`` and "no"
-needs ``value < -bound``.
+**Overflow** makes the bound infinite or NaN whenever a value that is compared is (the bound contains the
+magnitude of each intermediate result), and no comparison with such a bound is decided: "yes" needs ``value >
+bound`` and "no" needs ``value < -bound``.
 
-The edge plane uses ``(u - L) × (v - u)`` instead of ``(u - L) × (v - L)``: the same plane, but without cancellation
-where the light is far away. For a directional light the first factor is minus the direction towards the light.
+The edge plane uses ``(u - L) × (v - u)`` instead of ``(u - L) × (v - L)``: the same plane, but without
+cancellation where the light is far away. For a directional light the first factor is minus the direction
+towards the light.
 """
 
 import numpy as np
@@ -122,7 +123,8 @@ def triangle_facing(corners, t, light):
 
 @kernel
 def side_answers(corners, t, edge, sign, light, positions, i, tie):
-    """Answer whether sample i is on the inner side of one side plane: in place, moved outwards, moved inwards.
+    """Answer whether sample i is on the inner side of one side plane: in place, moved outwards, moved
+    inwards.
 
     Parameters
     ----------
@@ -187,8 +189,9 @@ def classify(corners, t, sign, light, positions, i, tie, biases):
         if out == NO:
             return 0, 0
     certain, undecided = 0, 0
-    for flag, answer in ((SHADOWED, min(here, bias)), (PLANES_OUT, min(out, bias)), (PLANES_IN, min(inside, bias)),
-                         (BIAS_FLOOR, min(here, floor)), (BIAS_DOUBLED, min(here, doubled))):
+    for flag, answer in ((SHADOWED, min(here, bias)), (PLANES_OUT, min(out, bias)),
+                         (PLANES_IN, min(inside, bias)), (BIAS_FLOOR, min(here, floor)),
+                         (BIAS_DOUBLED, min(here, doubled))):
         if answer == YES:
             certain |= flag
         elif answer == MAYBE:

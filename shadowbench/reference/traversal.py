@@ -1,8 +1,8 @@
 """The fast stage: each triangle's shadow frustum walks the light tree.
 
-A batch of triangles is first dealt out to the work nodes it may reach (`deal`), then each work node walks its own
-list in triangle order (`walk`). Work nodes own disjoint samples, flags and pair buffers, and skip what
-is finished, so results and counts depend on neither threads nor timing.
+A batch of triangles is first dealt out to the work nodes it may reach (`deal`), then each work node walks its
+own list in triangle order (`walk`). Work nodes own disjoint samples, flags and pair buffers, and skip what is
+finished, so results and counts depend on neither threads nor timing.
 """
 
 from typing import NamedTuple
@@ -55,7 +55,8 @@ class WalkCounts(NamedTuple):
 
     Attributes
     ----------
-    node_tests, sample_tests : int64 (n_work,) and, for tests while dealing out, (N_BLOCKS,) in `dealing_tests`.
+    node_tests, sample_tests : int64 (n_work,) and, for tests while dealing out, (N_BLOCKS,) in
+        `dealing_tests`.
     heat : int64 (n,), sample tests per sorted sample.
     """
 
@@ -89,8 +90,10 @@ def _deal_block(tree, frusta, corners, space, biases, finished, reached, lists, 
                     continue
                 n_tests += 1
                 x0, x1, y0, y1 = box[node, 0], box[node, 1], box[node, 2], box[node, 3]
-                if (outside_box(bound, x0, x1, y0, y1, box[node, 6])
-                        or planes_test(planes, x0, x1, y0, y1, box[node, 4], box[node, 5], box[node, 6]) == REJECT):
+                if outside_box(bound, x0, x1, y0, y1, box[node, 6]):
+                    continue
+                answer = planes_test(planes, x0, x1, y0, y1, box[node, 4], box[node, 5], box[node, 6])
+                if answer == REJECT:
                     continue
                 if node >= end_work:
                     for child in range(children[node, 0], children[node, 1]):
@@ -117,7 +120,8 @@ def deal(tree, frusta, corners, space, biases, finished, reached, lists, counts)
     corners : float64 (n, 3, 3), the batch's triangles, world.
     biases : float64 (3,), rounding floor, bias, twice the bias; world units.
     finished : bool (n_nodes,), nodes to leave out.
-    reached : int64 (N_BLOCKS, n_work), where the next triangle of each block goes for each work node; moved on.
+    reached : int64 (N_BLOCKS, n_work), where the next triangle of each block goes for each work node; moved
+        on.
     lists : int32, written where there is room: triangles, ascending within a work node.
     counts : `WalkCounts` or None.
     """
@@ -143,7 +147,8 @@ def _finish(tree, finished, node):
 def _look_closer(tree, corners, facing, t, light, biases, work, w, n_pairs, i):
     """Decide the flags of sample i and triangle t in the careful test.
 
-    What stays open goes to place `n_pairs` of the pair buffer of work node w. Return the number of pairs added.
+    What stays open goes to place `n_pairs` of the pair buffer of work node w. Return the number of pairs
+    added.
     """
     certain, undecided = classify(corners, t, facing[t], light, tree.position, i, tree.tie[i], biases)
     work.flags[i] |= certain
@@ -159,8 +164,8 @@ def _look_closer(tree, corners, facing, t, light, biases, work, w, n_pairs, i):
 def _walk_work_node(tree, frusta, corners, space, biases, lists, ends, work, w, counts):
     """Walk the list of one work node until it ends or its pair buffer may overflow.
 
-    One long function on purpose: arrays are taken from their records once, since each time counts references, over
-    which threads would fight.
+    One long function on purpose: arrays are taken from their records once, since each time counts references,
+    over which threads would fight.
     """
     box, children, samples, coordinate = tree.box, tree.children, tree.samples, tree.coordinate
     tie_light, flags, finished, all_planes = tree.tie_light, work.flags, work.finished, frusta.planes
@@ -171,7 +176,7 @@ def _walk_work_node(tree, frusta, corners, space, biases, lists, ends, work, w, 
     most_pairs = work.pair_sample.shape[1] - (samples[top, 1] - samples[top, 0])
     n_pairs, k, end = 0, work.next_item[w], ends[w]
     while k < end and not finished[top] and n_pairs <= most_pairs:
-        t = lists[k]
+        t = np.int64(lists[k])
         k += 1
         planes = face_planes(all_planes, t, frame)
         bound = triangle_box(corners, t, frame, planes)
@@ -212,7 +217,8 @@ def _walk_work_node(tree, frusta, corners, space, biases, lists, ends, work, w, 
                 if answer == ACCEPT:
                     flags[i] = ALL_FLAGS
                 elif answer == REFINE:
-                    n_pairs += _look_closer(tree, corners, frusta.facing, t, space.light, biases, work, w, n_pairs, i)
+                    n_pairs += _look_closer(tree, corners, frusta.facing, t, space.light, biases, work, w,
+                                            n_pairs, i)
                 if flags[i] & FINISHED != FINISHED:
                     n_open += 1
             if n_open == 0:

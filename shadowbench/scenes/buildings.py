@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from shadowbench.geometry import FloatArray
 from shadowbench.scenes.procedural import Site, whole_degrees
 from shadowbench.scenes.shapes import (
     Point,
@@ -28,6 +27,11 @@ from shadowbench.scenes.shapes import (
 
 _MERLON = box((-0.5, 0.0, -0.25), (0.5, 1.0, 0.25), without=("-y",))
 _STONE = box((-0.5, -0.5, -0.05), (0.5, 0.5, 0.05), without=("-z",))
+_ALL_BUT_FRONT = ("-x", "+x", "-y", "+y", "-z")
+
+ORNAMENT_DETAIL = 0.25
+"""Detail below which timber, window frames, slits, mouldings and every other merlon are left out."""
+
 _SLIT = box((-0.09, -0.75, -0.05), (0.09, 0.75, 0.03), without=("-z",))
 
 
@@ -56,17 +60,17 @@ def stones_around(rng: np.random.Generator, n: int, radius: float, low: float, h
     return copies(_STONE, offsets, degrees - 90, size)
 
 
-def crenellation(length: float, y: float, z: float) -> Shape:
+def crenellation(length: float, y: float, z: float, detail: float) -> Shape:
     """Row of merlons without bottom faces along x, centred."""
-    n = max(2, round(length / 2.1))
+    n = max(2, round(length / (2.1 if detail >= ORNAMENT_DETAIL else 4.2)))
     x = (np.arange(n) + 0.5) * (length / n) - 0.5 * length
     offsets = np.stack([x, np.full(n, y), np.full(n, z)], axis=1)
     return copies(_MERLON, offsets, scales=np.tile([1.15, 1.1, 1.0], (n, 1)))
 
 
-def crenellation_around(radius: float, y: float) -> Shape:
+def crenellation_around(radius: float, y: float, detail: float) -> Shape:
     """Ring of merlons about the y axis."""
-    n = max(6, round(6.2832 * radius / 1.9))
+    n = max(6, round(radius * (3.3 if detail >= ORNAMENT_DETAIL else 1.65)))
     degrees = np.array([round(360 * i / n) for i in range(n)])
     circle = unit_circle(360)[degrees]
     offsets = np.stack([radius * circle[:, 0], np.full(n, y), radius * circle[:, 1]], axis=1)
@@ -86,7 +90,7 @@ def cone_roof(radius: float, height: float, detail: float) -> Shape:
     """Pointed roof in overlapping rows, open below; its eaves are at y = 0."""
     rows = max(2, round(5 * detail))
     profile = [(r, height + y) for r, y in tile_rows(radius, height, rows, 0.12)]
-    return lathe(profile[::-1], rounds(detail, 24))
+    return lathe(profile[::-1], rounds(detail, 32))
 
 
 def gable_roof(site: Site, width: float, length: float, rise: float, detail: float, material: str) -> None:
@@ -98,18 +102,21 @@ def gable_roof(site: Site, width: float, length: float, rise: float, detail: flo
     site.add(box((-0.12, -0.08, -0.5 * length - 0.05), (0.12, 0.12, 0.5 * length + 0.05)), material)
 
 
-def window(site: Site, width: float, height: float, wood: str = "wood") -> None:
+def window(site: Site, width: float, height: float) -> None:
     """Framed window with a dark pane and crossing bars on the plane z = 0, centred on the origin."""
-    site.add(box((-0.5 * width, -0.5 * height, -0.05), (0.5 * width, 0.5 * height, 0.02), ("-z",)), "dark")
-    site.add(frame(width, height, 0.12, 0.2), wood)
-    site.add(box((-0.04, -0.5 * height, 0.0), (0.04, 0.5 * height, 0.06)), wood)
-    site.add(box((-0.5 * width, -0.04, 0.0), (0.5 * width, 0.04, 0.05)), wood)
+    site.add(box((-0.5 * width, -0.5 * height, 0.0), (0.5 * width, 0.5 * height, 0.02), _ALL_BUT_FRONT), "dark")
+    site.add(frame(width, height, 0.12, 0.2), "wood")
+    bars = [box((-0.04, -0.5 * height, 0.0), (0.04, 0.5 * height, 0.06), ("-z",)),
+            box((-0.5 * width, -0.04, 0.0), (0.5 * width, 0.04, 0.05), ("-z",))]
+    site.add(join(bars), "wood")
 
 
 def arched_window(site: Site, width: float, height: float, detail: float) -> None:
-    """Round-headed stone window on the plane z = 0, its sill at the origin."""
+    """Round-headed stone window on the plane z = 0, its sill at the origin; the pane lies in front of stones."""
     spring, border = height - 0.5 * width, 0.22
-    site.add(box((-0.5 * width, 0.0, -0.05), (0.5 * width, height - 0.1, 0.02), ("-z",)), "dark")
+    site.add(box((-0.5 * width, 0.0, 0.0), (0.5 * width, height - 0.1, 0.13), _ALL_BUT_FRONT), "dark")
+    if detail < ORNAMENT_DETAIL:
+        return
     site.add(arch(width, spring, width + 2 * border, height + border, 0.36, rounds(detail, 8, 4)), "stone_light")
     site.add(box((-0.5 * width - 0.4, -0.2, -0.1), (0.5 * width + 0.4, 0.0, 0.32)), "stone_light")
 
@@ -123,7 +130,9 @@ def curtain_wall(site: Site, rng: np.random.Generator, length: float, height: fl
     site.add(box((-half, height - 0.3, 0.5 * thick - 0.1), (half, height, 0.5 * thick + 0.2)), "stone_light")
     parapet = box((-half, height - 0.2, 0.5 * thick - 0.3), (half, height + 0.7, 0.5 * thick + 0.2), ("-y",))
     site.add(parapet, "stone")
-    site.add(crenellation(length, height + 0.7, 0.5 * thick - 0.05), "stone")
+    site.add(crenellation(length, height + 0.7, 0.5 * thick - 0.05, detail), "stone")
+    if detail < ORNAMENT_DETAIL:
+        return
     n = max(1, round(length / 7.0))
     x = (np.arange(n) + 0.5) * (length / n) - half
     site.add(copies(_SLIT, np.stack([x, np.full(n, 5.6), np.full(n, 0.5 * thick)], axis=1)), "dark")
@@ -140,23 +149,25 @@ def curtain_wall(site: Site, rng: np.random.Generator, length: float, height: fl
 def round_tower(site: Site, rng: np.random.Generator, radius: float, height: float, roof: str | None,
                 detail: float) -> None:
     """Round tower about the y axis: a crenellated platform, or a pointed roof of the material `roof`."""
-    sides, top = rounds(detail, 24), 1.16 * radius
+    sides, top = rounds(detail, 32), 1.16 * radius
     low, high = [(1.22 * radius, -6.0), (1.16 * radius, 0.6)], [(radius, height - 2.4), (top, height - 1.4)]
     bands = max(1, round(4 * detail))
     middle = [(radius, 2.4 + (height - 4.8) * i / bands) for i in range(bands)]
     site.add(lathe([*low, *middle, *high, (top, height)], sides), "stone")
-    site.add(lathe([(top + 0.12, height - 1.5), (top + 0.15, height - 1.2), (0.98 * top, height - 1.18)],
-                   sides), "stone_light")
-    site.add(lathe([(top, height - 0.8), (0.0, height - 0.8)], sides), "stone_dark")
-    site.add(stones_around(rng, round(90 * detail * detail), radius, 2.6, height - 2.6), "stone_light")
-    for degrees, y in ((20, 0.35), (110, 0.55), (200, 0.7), (290, 0.45)):
-        c, s = unit_circle(360)[degrees]
-        slit = _SLIT.turned_degrees(degrees - 90).moved(radius * c, height * y, radius * s)
-        site.add(slit, "dark")
+    if detail >= ORNAMENT_DETAIL:
+        moulding = [(top + 0.12, height - 1.5), (top + 0.15, height - 1.2), (0.98 * top, height - 1.18)]
+        site.add(lathe(moulding, sides), "stone_light")
+        site.add(stones_around(rng, round(90 * detail * detail), radius, 2.6, height - 2.6), "stone_light")
+        for degrees, y in ((20, 0.35), (110, 0.55), (200, 0.7), (290, 0.45)):
+            c, s = unit_circle(360)[degrees]
+            site.add(_SLIT.turned_degrees(degrees - 90).moved(radius * c, height * y, radius * s), "dark")
     if roof is None:
-        site.add(crenellation_around(top - 0.2, height - 0.1), "stone")
+        site.add(lathe([(top, height - 0.8), (0.0, height - 0.8)], sides), "stone_dark")
+        site.add(crenellation_around(top - 0.2, height - 0.1, detail), "stone")
         return
     site.add(cone_roof(1.3 * radius, 2.3 * radius, detail).moved(0.0, height - 0.1, 0.0), roof)
+    if detail < ORNAMENT_DETAIL:
+        return
     tip = height + 2.3 * radius - 0.3
     site.add(lathe([(0.0, tip), (0.09, tip + 0.1), (0.07, tip + 2.2), (0.0, tip + 2.3)], 6), "iron")
     flag = np.array([[0.05, tip + 2.1, 0.0], [0.05, tip + 1.2, 0.0], [1.7, tip + 1.55, 0.35]])
@@ -173,7 +184,7 @@ def square_tower(site: Site, rng: np.random.Generator, half: float, height: floa
     site.add(box((-head, height - 1.6, -head), (head, height, head)), "stone")
     for k, degrees in enumerate((0, 90, 180, 270)):
         side = site.inner(0.0, 0.0, 0.0, degrees)
-        side.add(crenellation(2.0 * head - 0.6, height, head - 0.3), "stone")
+        side.add(crenellation(2.0 * head - 0.6, height, head - 0.3, detail), "stone")
         side.add(stones(rng, round(20 * detail * detail), 2.0 * half, 1.6, height - 2.0).moved(0, 0, half),
                  "stone_light")
         corbels = copies(box((-0.25, -0.7, 0.0), (0.25, 0.0, 0.5), ("+y", "-z")),
@@ -198,6 +209,9 @@ def house(site: Site, size: Sequence[float], roof: str, detail: float) -> None:
     gable_roof(site.inner(0.0, height + rise + 0.06, 0.0), width * over, length + 1.1, rise * over, detail, roof)
     site.add(box((0.18 * width, height, -0.3 * length), (0.18 * width + 0.9, height + rise + 1.1,
                                                         -0.3 * length + 0.9), ("-y",)), "stone_dark")
+    site.add(box((0.08 * width, -0.5, z - 0.05), (0.08 * width + 1.1, 2.15, z + 0.08)), "wood")
+    if detail < ORNAMENT_DETAIL:
+        return
     beam, out = 0.11, 0.07
     for turn in (0, 180):
         side = site.inner(0.0, 0.0, 0.0, turn)
@@ -206,15 +220,9 @@ def house(site: Site, size: Sequence[float], roof: str, detail: float) -> None:
         side.add(join([*uprights, box((-x, height - beam, z - out), (x, height + beam, z + out))]), "wood")
         window(side.inner(-0.2 * width, 1.9, z), 0.9, 1.1)
         window(side.inner(0.0, height + 0.35 * rise, z), 0.8, 0.9)
-    site.add(box((0.08 * width, -0.5, z - 0.05), (0.08 * width + 1.1, 2.15, z + 0.08)), "wood")
     for turn in (90, 270):
         side = site.inner(0.0, 0.0, 0.0, turn)
         ends = np.linspace(-z, z, 4)
         side.add(join([box((c - beam, 0.9, x - out), (c + beam, height, x + out)) for c in ends]), "wood")
         for c in (-0.3 * length, 0.3 * length):
             window(side.inner(c, 1.9, x), 0.9, 1.1)
-
-
-def level_positions(points: Sequence[tuple[float, float]], y: float) -> FloatArray:
-    """float64 (k, 3): points (x, z) at one height."""
-    return np.array([[x, y, z] for x, z in points])

@@ -18,6 +18,9 @@ MINIMUM = 12 * N_CUBES + WALL_TRIANGLES + FLOOR_TRIANGLES
 HALF = 10.0
 """Half the side of the room, world units; it is open towards the camera."""
 
+_APART = 2.6
+"""Least distance of the cubes' centres: twice the half diagonal of the largest, whose half side is 0.75."""
+
 _COLORS = {"wall": (0.62, 0.60, 0.56), "floor": (0.45, 0.43, 0.42), "red": (0.72, 0.24, 0.18),
            "blue": (0.20, 0.36, 0.62), "ochre": (0.78, 0.58, 0.22)}
 
@@ -39,7 +42,7 @@ def generate(triangles: int, seed: int) -> ProceduralScene:
     builder.add(box((-HALF, 0, -HALF), (HALF, 2 * HALF, HALF), ("-y", "+z")).flipped(), "wall")
     cube = subdivided_box(cells)
     for k, centre in enumerate(_centres(rng)):
-        turned = _turned(cube, *whole_degrees(rng, 3)).scaled(*[rng.uniform(0.35, 0.95)] * 3)
+        turned = _turned(cube, *whole_degrees(rng, 3)).scaled(*[rng.uniform(0.35, 0.75)] * 3)
         builder.add(turned.moved(*centre), ("red", "blue", "ochre")[k % 3])
     builder.add(_floor(triangles - builder.n_triangles), "floor")
     eyes = [(0.5, 10.5, 29.0), (8.0, 13.0, 25.0), (5.0, 7.0, 20.0), (-6.0, 6.0, 22.0), (-9.0, 12.0, 26.0)]
@@ -54,7 +57,7 @@ def _centres(rng: np.random.Generator) -> FloatArray:
     while len(centres) < N_CUBES:
         point = rng.uniform([-8.0, 1.8, -8.0], [8.0, 18.0, 8.0])
         clear_of = [*centres, np.array([1.0, 12.5, 3.0])]
-        if all(((point - other) ** 2).sum() > 2.6**2 for other in clear_of):
+        if all(((point - other) ** 2).sum() > _APART * _APART for other in clear_of):
             centres.append(point)
     return np.array(centres)
 

@@ -7,6 +7,7 @@ path. The camera starts in front of the gate, enters by its open leaf, and goes 
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -27,8 +28,8 @@ from shadowbench.scenes.procedural import (
 from shadowbench.scenes.props import Limbs, blades, branches, conifer, crown, fill, leaves, trunk, tubes
 from shadowbench.scenes.shapes import Shape, box, copies, grid, join, lathe
 from shadowbench.scenes.villa import (
-    balustrade,
     ball,
+    balustrade,
     fence,
     fountain,
     gate_leaf,
@@ -96,7 +97,7 @@ class _Ground:
 def _ticks(borders: tuple[float, ...], size: float) -> FloatArray:
     """Positions that hit every border and are at most `size` apart."""
     pieces = [np.linspace(a, b, int(np.ceil((b - a) / size)) + 1)[:-1]
-              for a, b in zip(borders, borders[1:], strict=False)]
+              for a, b in pairwise(borders)]
     return np.concatenate([*pieces, [borders[-1]]])
 
 

@@ -7,6 +7,7 @@ every vertex is rounded to a grid of 2^-16 units before anything sees it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -71,10 +72,10 @@ class MeshBuilder:
             self._shapes.append((shape, self._index[material]))
             self.n_triangles += len(shape.triangles)
 
-    def add_many(self, shapes: Sequence[Shape], material: str) -> None:
-        """Add shapes as one part each."""
-        for shape in shapes:
-            self.add(shape, material)
+    def extend(self, other: MeshBuilder) -> None:
+        """Add the parts of a builder that has the same materials."""
+        self._shapes += other._shapes
+        self.n_triangles += other.n_triangles
 
     def mesh(self) -> Mesh:
         """Join all shapes, with vertices snapped to the grid."""
@@ -106,7 +107,7 @@ def fit_detail(build: Callable[[float], MeshBuilder], triangles: int, start: flo
         if builder.n_triangles <= triangles or detail == 0.0:
             return builder
         # Aim 3 % below the ratio of the counts, and give up on detail where that is next to nothing.
-        detail *= 0.97 * (triangles / builder.n_triangles) ** 0.5
+        detail *= 0.97 * math.sqrt(triangles / builder.n_triangles)
         detail = 0.0 if detail < 0.02 else detail
 
 

@@ -178,6 +178,7 @@ def slab(inner: Sequence[Point], outer: Sequence[Point], depth: float, ring: boo
     return Shape(points.reshape(-1, 3), triangles)
 
 
+@cache
 def arch(opening: float, spring: float, width: float, height: float, depth: float, segments: int) -> Shape:
     """Wall with a round-headed doorway, centred on x = 0 and z = 0, without bottom faces.
 
@@ -199,6 +200,7 @@ def arch(opening: float, spring: float, width: float, height: float, depth: floa
     return slab([(-r, 0.0), *round_part, (r, 0.0)], [(-w, 0.0), *outer, (w, 0.0)], depth, ends=False)
 
 
+@cache
 def frame(width: float, height: float, border: float, depth: float) -> Shape:
     """Rectangular ring centred on the origin, in the xy plane; `width` and `height` are those of the hole."""
     x, y = 0.5 * width, 0.5 * height
@@ -239,6 +241,7 @@ def stairs(steps: int, width: float, run: float, rise: float) -> Shape:
     return copies(step, offsets, scales=scales)
 
 
+@cache
 def subdivided_box(n: int) -> Shape:
     """Closed cube of side 2 about the origin, each face cut into n x n cells."""
     ticks = np.linspace(-1.0, 1.0, n + 1)
