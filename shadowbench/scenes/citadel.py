@@ -256,4 +256,4 @@ def generate(triangles: int, seed: int) -> ProceduralScene:
     fill(builder, triangles, [(0.7, "leaf", foliage), (0.2, "stone_dark", rubble)],
          lambda n: blades(rng, ground.around(rng, n, 56.0, 100.0), 0.6), "leaf")
     return ProceduralScene(builder.mesh(), _EYES, _TARGETS, closed=True, fov_y=60.0, near=0.1, far=500.0,
-                           light=Light.point(-150.0, 135.0, 95.0))
+                           light=Light.point(-170.0, 95.0, 15.0))
