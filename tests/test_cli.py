@@ -111,7 +111,7 @@ def test_resolved_configuration_runs_again(finished_run, tmp_path):
     done = shadowbench("run", finished_run[0] / "config.resolved.yaml", "-a", "reference", "--size", "64x48", "--only",
                        "counts", "--out", "again", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    rows = [[row for row in csv.reader((folder / "counts.csv").open()) if row[2] == "reference"]
+    rows = [[row for row in csv.reader((folder / "counts.csv").read_text().splitlines()) if row[2] == "reference"]
             for folder in (finished_run[0], tmp_path / "again")]
     assert rows[0] == rows[1]
 

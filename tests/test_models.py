@@ -47,6 +47,6 @@ def test_every_model_runs(name, models, tmp_path, capsys):
     assert [line["status"] for line in lines] == ["done", "done"]
     truth, approximate = (line["accuracy"] for line in lines)
     assert truth["false_shadow"] == truth["false_light"] == truth["edge_tie"] == 0
-    assert truth["lit_candidates"] > 1000 and 0 < truth["shadowed"] < truth["lit_candidates"]
+    assert truth["lit_candidates"] > 300 and 0 < truth["shadowed"] < truth["lit_candidates"]
     wrong = approximate["false_shadow"] + approximate["false_light"]
-    assert wrong < 0.2 * approximate["lit_candidates"]
+    assert wrong < 0.3 * approximate["lit_candidates"]     # foliage of a few pixels in a small map
