@@ -12,6 +12,9 @@ from shadowbench.algorithms import ALL_ALGORITHMS
 from shadowbench.algorithms.reference import reference_frame
 from shadowbench.geometry import Frame
 from shadowbench.probe import Probe
+from shadowbench.scenes import SCENES
+from shadowbench.scenes.loader import load_scene
+from shadowbench.view_samples import render_view_samples
 from tests.hard_cases import HARD_CASES, soup
 
 EXACT = [entry.name for entry in ALL_ALGORITHMS if entry.exact and entry.name != "reference"]
@@ -65,6 +68,15 @@ def test_no_sample_of_the_hard_cases_is_wrong(name, changed, frames):
         pytest.skip("reproduces a classical failure, tested with the method")
     wrong = {case: mismatches(name, changed, frame)[0] for case, frame in frames.items()}
     assert {case: n for case, n in wrong.items() if n} == {}
+
+
+@pytest.mark.parametrize("scene_name", SCENES)
+def test_no_sample_of_a_built_in_scene_is_wrong(scene_name):
+    scene = load_scene(scene_name, ["image.width=160", "image.height=120"])
+    mesh, camera, light = scene.mesh(0), scene.camera(0), scene.light(0)
+    samples = render_view_samples(mesh, camera, light, scene.image)
+    frame = Frame(mesh, light, camera.basis(4 / 3), scene.image, samples, scene.bias)
+    assert {name: mismatches(name, {}, frame)[0] for name in EXACT} == dict.fromkeys(EXACT, 0)
 
 
 @pytest.mark.parametrize("name", EXACT)

@@ -1,4 +1,4 @@
-"""Every real mesh runs: scene file, view samples, reference, shadow map, pictures."""
+"""Every real mesh runs, and the exact methods agree with the reference on it."""
 
 import json
 from pathlib import Path
@@ -13,6 +13,7 @@ NAMES = ("common/beetle.obj", "common/cheburashka.obj", "common/stanford-bunny.o
          "common/teapot.obj", "engine/2CylinderEngine.glb", "genesis_plaza/shell.glb", "genesis_plaza/street.glb",
          "samurai_monastery/samurai_monastry.obj", "scans/boeing.off", "scans/bunny00.off", "scans/camel.off",
          "scans/dragon_vrip.ply.gz", "scans/triceratops.off", "trees/grove_252.glb", "trees/oak_and_pine_mask.glb")
+EXACT = ("ptsv", "z_pass", "z_fail")
 
 
 def scene_text(mesh: Path) -> str:
@@ -39,13 +40,14 @@ def test_the_list_of_models_is_complete(models):
 def test_every_model_runs(name, models, tmp_path, capsys):
     (tmp_path / "scene.yaml").write_text(scene_text(models / name))
     code = commands.run(["test"], scenes=(str(tmp_path / "scene.yaml"),),
-                        specs=("reference", "shadow_map[resolution=256]"), overrides=(), frames=None, size=None,
+                        specs=("reference", "shadow_map[resolution=256]", *EXACT), overrides=(), frames=None, size=None,
                         repeats=1, threads=2, out=tmp_path / "out", only=None, quick=False, dry_run=False,
                         keep_going=True)
     assert code == 0, capsys.readouterr().err
     lines = [json.loads(line) for line in (tmp_path / "out" / "results.jsonl").read_text().splitlines()]
-    assert [line["status"] for line in lines] == ["done", "done"]
-    truth, approximate = (line["accuracy"] for line in lines)
+    assert [line["status"] for line in lines] == ["done"] * (2 + len(EXACT))
+    truth, approximate, *exact = (line["accuracy"] for line in lines)
+    assert all(accuracy["false_shadow"] == accuracy["false_light"] == 0 for accuracy in exact)
     assert truth["false_shadow"] == truth["false_light"] == truth["edge_tie"] == 0
     assert truth["lit_candidates"] > 300 and 0 < truth["shadowed"] < truth["lit_candidates"]
     wrong = approximate["false_shadow"] + approximate["false_light"]
