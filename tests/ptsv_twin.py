@@ -48,7 +48,7 @@ class Twin:
         self.r = np.float32(1.0) / self.samples.depth.astype(np.float32)
         self.included = self.samples.candidate | (not params.remove_unlit)
         self.in_shadow = np.zeros(len(self.r), bool)
-        self.heat = np.zeros(len(self.r), np.int64)
+        self.visits = {}
         self.per_triangle = np.zeros(frame.mesh.n_triangles, np.int64)
         self.grids = []
         columns, rows = self.n_columns, self.n_rows
@@ -96,12 +96,17 @@ class Twin:
             for k in range(len(self.triangle)):
                 self.visit(k, self.root, 0)
         self.in_shadow &= self.samples.candidate
+        heat = np.zeros(len(self.r))
+        for _, (tile, n_visits) in sorted(self.visits.items(), key=lambda item: item[0]):
+            everything = self.all_samples(tile)
+            heat[everything] += n_visits * self.params.branching / len(everything)
+        self.heat = np.rint(heat).astype(np.int64)
         return self
 
     def visit(self, k, tile, level):
         self.counts["tests"][level] += self.params.branching
         self.per_triangle[self.triangle[k]] += self.params.branching
-        self.heat[self.all_samples(tile)] += 1
+        self.visits.setdefault((-level, tile.x0, tile.y0), [tile, 0])[1] += 1
         if level == len(self.grids) - 1:
             for i in tile.samples:
                 if not (self.params.skip_shadowed and self.in_shadow[i]):

@@ -25,7 +25,7 @@ from shadowbench.kernels import shadow_frustum
 from shadowbench.kernels.caster_selection import closed_triangles, select_casters
 from shadowbench.kernels.culling_planes import OUTLINE_EDGES, SILHOUETTE_EDGES
 from shadowbench.kernels.depth_hierarchy import TileTree, build_tile_tree
-from shadowbench.kernels.shadow_hierarchy import Counts, empty_counts, empty_shadow, merge_shadow, visits_per_sample
+from shadowbench.kernels.shadow_hierarchy import Counts, empty_counts, empty_shadow, merge_shadow, tests_per_sample
 from shadowbench.kernels.tile_traversal import Planes, traverse
 
 EYE_EDGES = {"none": 0, "silhouette": SILHOUETTE_EDGES, "wedge": 0,
@@ -141,4 +141,4 @@ def _record_counts(tree: TileTree, frusta: shadow_frustum.Frusta, counts: Counts
     at_root = int(tree.occupied[0] != 0)
     per_triangle[frusta.triangle] = (counts.frustum_visits.sum(axis=0, dtype=np.int64) + at_root) * branching
     probe.count_triangles("test_and_set", per_triangle)
-    probe.count_samples(visits_per_sample(tree, counts.visits))
+    probe.count_samples(tests_per_sample(tree, counts.visits))

@@ -102,14 +102,17 @@ def merge_shadow(tree, shadow):
     return merged
 
 
-def visits_per_sample(tree, visits):
-    """Tests of tiles that contain each sample, and of the sample itself, int64 (n_samples,).
+def tests_per_sample(tree, visits):
+    """Share out all tests over the samples: int64 (n_samples,), rounded, so that the sum is the number of tests.
 
-    A visit of a node tests each of its children once, and one of those contains the sample.
+    A visit of a node tests each of its children once; these tests are shared evenly by the samples of the grid that
+    the node covers, as the overdraw pictures of Sintorn et al. 2011 (Fig. 5) add up to the number of operations.
     """
     row, column = np.arange(len(tree.plane_y)), np.arange(len(tree.plane_x))
-    per_sample = np.zeros((len(row), len(column)), np.int64)
+    branching = int(tree.levels["grid_x"][0] * tree.levels["grid_y"][0])
+    per_sample = np.zeros((len(row), len(column)))
     for level in tree.levels[::-1]:
         row, column = row // level["grid_y"], column // level["grid_x"]
-        per_sample += visits[level["first"] + row[:, None] * level["columns"] + column]
-    return per_sample.reshape(-1)
+        covered = np.bincount(row)[row][:, None] * np.bincount(column)[column]
+        per_sample += visits[level["first"] + row[:, None] * level["columns"] + column] * branching / covered
+    return np.rint(per_sample).astype(np.int64).reshape(-1)
