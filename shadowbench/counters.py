@@ -58,7 +58,8 @@ ALL_COUNTERS: tuple[Counter, ...] = (
             "A face of a shadow volume covers a view sample, once for each time that the face is drawn; divided by the "
             "number of samples, the overdraw.", "Chan and Durand 2004, sec. 5", in_all_work=True),
     Counter("depth_tests", "test",
-            "A fragment that scissor, depth bounds and computation mask let through is compared with the sample's depth.",
+            "A fragment that scissor, depth bounds and computation mask let through is compared with the sample's "
+            "depth.",
             "Sintorn et al. 2011, sec. 4", in_all_work=True),
     Counter("stencil_updates", "update",
             "A fragment behind the sample (z-fail) or before it (z-pass) changes the sample's stencil value by one.",

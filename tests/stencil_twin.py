@@ -1,7 +1,7 @@
 """Slow twins of the stencil shadow volumes: ray against face, one face at a time, in world space.
 
-Faces come from the definition (edge multiplicities from a dictionary, biased caps from the light), a face is hit where the
-ray of a sample meets its plane between its borders, and every hit is counted. No projection, no clipping, no rows.
+Faces come from the definition (edge multiplicities from a dictionary, biased caps from the light), a face is hit where
+the ray of a sample meets its plane between its borders, and every hit is counted. No projection, no clipping, no rows.
 """
 
 from collections import defaultdict

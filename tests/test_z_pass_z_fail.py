@@ -184,7 +184,8 @@ def fingerprint():
     for threads in (1, 2, 4):
         set_threads(threads)
         part = hashlib.sha256()
-        for frame in (soup(5).frame(), soup(6, kind="grid").frame(), HARD_CASES["camera in many shadow volumes"].frame()):
+        for case in (soup(5), soup(6, kind="grid"), HARD_CASES["camera in many shadow volumes"]):
+            frame = case.frame()
             for method in (ZPass, ZFail):
                 shadow, probe = run(method, frame, scissor=True, casters="auto")
                 part.update(shadow.tobytes() + probe.heat.tobytes())

@@ -11,8 +11,8 @@ A face that is seen edge-on can cover samples by rounding alone, and its plane c
 ray is cut with the face's borders, within its plane.
 
 Rows are dealt to a constant number of bands. A band owns its rows and draws its faces in their order, so results are
-the same for every number of threads. Stencil values are unsigned integers of 32 bits that wrap around. A narrower buffer,
-wrapping too, would hold their lowest bits: increments and decrements are sums modulo a power of two.
+the same for every number of threads. Stencil values are unsigned integers of 32 bits that wrap around. A narrower
+buffer, wrapping too, would hold their lowest bits: increments and decrements are sums modulo a power of two.
 """
 
 from typing import NamedTuple
@@ -199,27 +199,47 @@ def _exact_column(edges, i, columns, down, column):
 
 
 @kernel
-def _cross_row(edges, n_edges, columns, per_unit, down, crossings):
-    """Find the first columns at or right of the border's crossings with a row, sorted, each with its turn: exact."""
-    n = 0
+def _find_spans(edges, n_edges, columns, per_unit, rows, row_range, column_range, crossings, spans):
+    """List the runs of samples around which a border winds, row by row: exact. Return their number.
+
+    Parameters
+    ----------
+    edges, n_edges : from `_set_up_border`.
+    columns, per_unit, rows : the sample grid; see `VolumeView`.
+    row_range, column_range : first and last row, first column and one past the last, to look at.
+    crossings : int64 (9, 2), room for the crossings of a row: first column at or right of each, and its turn.
+    spans : int64 (n, 4), receives row, first column, one past the last, winding number.
+    """
+    n_spans = 0
     n_columns = len(columns)
-    for i in range(n_edges):
-        if not edges[i, _UPPER_DOWN] <= down < edges[i, _LOWER_DOWN]:
-            continue
-        x = edges[i, _UPPER_X] + (down - edges[i, _UPPER_DOWN]) * edges[i, _SLOPE]
-        column = int(min(max((x - columns[0]) * per_unit + 1.0, 0.0), float(n_columns)))
-        # Far from both neighbouring samples the float64 crossing decides; otherwise the guess is walked from
-        error = edges[i, _ERROR]
-        if ((column < n_columns and not columns[column] > x + error)
-                or (column > 0 and not columns[column - 1] < x - error)):
-            column = _exact_column(edges, i, columns, down, column)
-        place = n
-        while place > 0 and crossings[place - 1, 0] > column:
-            crossings[place, 0], crossings[place, 1] = crossings[place - 1, 0], crossings[place - 1, 1]
-            place -= 1
-        crossings[place, 0], crossings[place, 1] = column, int(edges[i, _TURN])
-        n += 1
-    return n
+    for row in range(row_range[0], row_range[1] + 1):
+        down = rows[row]
+        n = 0
+        for i in range(n_edges):
+            if not edges[i, _UPPER_DOWN] <= down < edges[i, _LOWER_DOWN]:
+                continue
+            x = edges[i, _UPPER_X] + (down - edges[i, _UPPER_DOWN]) * edges[i, _SLOPE]
+            column = int(min(max((x - columns[0]) * per_unit + 1.0, 0.0), float(n_columns)))
+            # Far from both neighbouring samples the float64 crossing decides; otherwise the guess is walked from
+            error = edges[i, _ERROR]
+            if ((column < n_columns and not columns[column] > x + error)
+                    or (column > 0 and not columns[column - 1] < x - error)):
+                column = _exact_column(edges, i, columns, down, column)
+            # Keep the crossings sorted by column
+            place = n
+            while place > 0 and crossings[place - 1, 0] > column:
+                crossings[place, 0], crossings[place, 1] = crossings[place - 1, 0], crossings[place - 1, 1]
+                place -= 1
+            crossings[place, 0], crossings[place, 1] = column, int(edges[i, _TURN])
+            n += 1
+        winding = 0
+        for i in range(n - 1):
+            winding += crossings[i, 1]
+            first, end = max(column_range[0], crossings[i, 0]), min(column_range[1], crossings[i + 1, 0])
+            if winding != 0 and first < end:
+                spans[n_spans, 0], spans[n_spans, 1], spans[n_spans, 2], spans[n_spans, 3] = row, first, end, winding
+                n_spans += 1
+    return n_spans
 
 
 @kernel
@@ -257,68 +277,64 @@ def _is_behind(faces, face, x, down, depth):
 
 
 @kernel
-def _draw_checked(face, row, first, end, amount, view, faces, z_fail, target, mask, depths, counts, entry):
-    """Draw a span sample by sample, with whatever the fast loop leaves out."""
-    for column in range(first, end):
-        depth = target.depth[row, column]
-        if counts is not None:
-            counts.fragments[row, column] += abs(amount)
-        if not depths[0] <= depth <= depths[1] or (len(mask) > 0 and not mask[row, column]):
-            continue
-        if counts is not None:
-            counts.depth_tests[row, column] += abs(amount)
-        if _is_behind(faces, face, view.x[column], view.down[row], depth) == z_fail:
-            target.stencil[row, column] += np.uint32(amount)
+def _draw_checked(face, spans, n_spans, sign, view, faces, z_fail, target, mask, depths, counts, entry):
+    """Draw the spans of a face sample by sample, with whatever the fast loop leaves out."""
+    for i in range(n_spans):
+        row, amount = spans[i, 0], sign * spans[i, 3]
+        for column in range(spans[i, 1], spans[i, 2]):
+            depth = target.depth[row, column]
             if counts is not None:
-                counts.updates[row, column] += abs(amount)
-                counts.per_entry[entry] += abs(amount)
+                counts.fragments[row, column] += abs(amount)
+            if not depths[0] <= depth <= depths[1] or (len(mask) > 0 and not mask[row, column]):
+                continue
+            if counts is not None:
+                counts.depth_tests[row, column] += abs(amount)
+            if _is_behind(faces, face, view.x[column], view.down[row], depth) == z_fail:
+                target.stencil[row, column] += np.uint32(amount)
+                if counts is not None:
+                    counts.updates[row, column] += abs(amount)
+                    counts.per_entry[entry] += abs(amount)
 
 
 @kernel
-def _draw_fast(first, end, step, value, along, across, side, row, columns, depth, stencil):
-    """Draw a span of a face whose plane the eye is not in, where f <= 0 (`side` BEHIND_PLANE) or f > 0."""
+def _draw_fast(spans, n_spans, sign, plane, where, columns, rows, depth, stencil):
+    """Draw the spans of a face whose plane the eye is not in, where f <= 0 (BEHIND_PLANE) or f > 0."""
     nothing = np.uint32(0)
-    # Unsigned indices need no test for negative ones, which lets the loop become vector code
-    if side == BEHIND_PLANE:
-        for column in range(np.uint64(first), np.uint64(end)):
-            f = value + depth[row, column] * (along + columns[column] * across)
-            stencil[row, column] += step if f <= 0.0 else nothing
-    else:
-        for column in range(np.uint64(first), np.uint64(end)):
-            f = value + depth[row, column] * (along + columns[column] * across)
-            stencil[row, column] += step if f > 0.0 else nothing
+    across, upwards = plane[1], plane[2]
+    for i in range(n_spans):
+        row, amount = np.uint64(spans[i, 0]), np.uint32(sign * spans[i, 3])
+        along = plane[3] - rows[row] * upwards
+        # Unsigned indices need no test for negative ones, which lets the loops become vector code
+        first, end = np.uint64(spans[i, 1]), np.uint64(spans[i, 2])
+        if where == BEHIND_PLANE:
+            for column in range(first, end):
+                f = plane[0] + depth[row, column] * (along + columns[column] * across)
+                stencil[row, column] += amount if f <= 0.0 else nothing
+        else:
+            for column in range(first, end):
+                f = plane[0] + depth[row, column] * (along + columns[column] * across)
+                stencil[row, column] += amount if f > 0.0 else nothing
 
 
 @kernel
 def _draw_face(face, first_row, last_row, view, faces, z_fail, target, limits, mask, room, counts, entry):
     """Draw the rows of a face that one band owns."""
-    # Records stay out of the loop: each use of one costs more than a row
-    columns, rows, depth, stencil, per_unit = view.x, view.down, target.depth, target.stencil, view.columns_per_unit
-    edges, crossings = room
-    n_edges = _set_up_border(faces, face, edges)
+    edges, crossings, spans = room
     part = limits.part[faces.triangle[face]]
-    left, right = np.int64(limits.columns[part, 0]), np.int64(limits.columns[part, 1]) + 1
-    depths = (limits.depths[part, 0], limits.depths[part, 1])
+    column_range = np.int64(limits.columns[part, 0]), np.int64(limits.columns[part, 1]) + 1
+    n_spans = _find_spans(edges, _set_up_border(faces, face, edges), view.x, view.columns_per_unit, view.down,
+                          (first_row, last_row), column_range, crossings, spans)
+    if n_spans == 0:
+        return
     side, sign = faces.eye_side[face], np.int64(-faces.multiplicity[face] if z_fail else faces.multiplicity[face])
-    fast = side != EDGE_ON_PLANE and side != AT_INFINITY and len(mask) == 0 and counts is None
-    fast = fast and depths[0] == -np.inf and depths[1] == np.inf
-    shadow_side = side if z_fail else BEHIND_PLANE + BEFORE_PLANE - side
-    value, across = faces.plane[face, 0], faces.plane[face, 1]
-    upwards, forwards = faces.plane[face, 2], faces.plane[face, 3]
-    for row in range(first_row, last_row + 1):
-        n_crossings = _cross_row(edges, n_edges, columns, per_unit, rows[row], crossings)
-        winding = 0
-        for i in range(n_crossings - 1):
-            winding += crossings[i, 1]
-            first, end = max(left, crossings[i, 0]), min(right, crossings[i + 1, 0])
-            if winding == 0 or first >= end:
-                continue
-            amount = sign * winding
-            if fast:
-                _draw_fast(first, end, np.uint32(amount), value, forwards - rows[row] * upwards, across,
-                           shadow_side, row, columns, depth, stencil)
-            else:
-                _draw_checked(face, row, first, end, amount, view, faces, z_fail, target, mask, depths, counts, entry)
+    depths = (limits.depths[part, 0], limits.depths[part, 1])
+    unbounded = depths[0] == -np.inf and depths[1] == np.inf
+    if (side == BEHIND_PLANE or side == BEFORE_PLANE) and unbounded and len(mask) == 0 and counts is None:
+        plane = (faces.plane[face, 0], faces.plane[face, 1], faces.plane[face, 2], faces.plane[face, 3])
+        where = side if z_fail else BEHIND_PLANE + BEFORE_PLANE - side
+        _draw_fast(spans, n_spans, sign, plane, where, view.x, view.down, target.depth, target.stencil)
+    else:
+        _draw_checked(face, spans, n_spans, sign, view, faces, z_fail, target, mask, depths, counts, entry)
 
 
 @kernel
@@ -327,7 +343,8 @@ def _draw_band(band, view, faces, bins, z_fail, target, limits, mask, counts):
     n_rows = _band_rows(len(view.down))
     first_row = band * n_rows
     last_row = min(first_row + n_rows, len(view.down)) - 1
-    room = np.empty((MAX_CORNERS, 7)), np.empty((MAX_CORNERS, 2), np.int64)
+    room = (np.empty((MAX_CORNERS, 7)), np.empty((MAX_CORNERS, 2), np.int64),
+            np.empty((n_rows * MAX_CORNERS, 4), np.int64))
     for entry in range(bins.offset[band, 0], bins.offset[band, N_WORKERS]):
         face = bins.face[entry]
         first, last = _face_rows(faces, face, limits)

@@ -50,8 +50,8 @@ class Faces(NamedTuple):
     eye_side : int8 (capacity,), BEHIND_PLANE, BEFORE_PLANE, EDGE_ON_PLANE or AT_INFINITY.
     multiplicity : int32 (capacity,), times drawn; positive if the volume lies where f <= 0.
     rows : int32 (capacity, 2), first and last row of the samples within its bounds.
-    borders : float64 (capacity, 4, 4), for faces seen edge-on: value at the eye and slopes of planes through its borders,
-        positive on its inner side.
+    borders : float64 (capacity, 4, 4), for faces seen edge-on: value at the eye and slopes of planes through its
+        borders, positive on its inner side.
     triangle : int32 (capacity,), the triangle it belongs to; the first one for an edge.
     """
 
@@ -138,16 +138,6 @@ def first_at_or_after(positions, per_unit, value):
     while positions[i] < value:
         i += 1
     return i
-
-
-@kernel
-def _put_corner(scratch, i, casters, position, shift):
-    """Set a corner to a position moved away from the light by `shift`, to infinity if that is infinite."""
-    finite = shift < np.inf
-    for c in range(3):
-        away = casters.away_view[position, c]
-        scratch.corners[i, c] = casters.positions_view[position, c] + shift * away if finite else away
-    scratch.corners[i, 3] = 1.0 if finite else 0.0
 
 
 @kernel
@@ -238,17 +228,22 @@ def _triangle_face(scene, kind, triangle, k):
 @kernel
 def _put_corners(scene, scratch, face):
     """Set the corners of a face, counter-clockwise seen from the side f > 0. Return their number."""
-    if face.edge == _NO_EDGE:
-        # Seen from behind the triangle: against the winding that faces the light
-        for i in range(3):
-            k = (3 - i) % 3 if scene.casters.facing[face.triangle] > 0 else i
-            _put_corner(scratch, i, scene.casters, scene.adjacency.corners[face.triangle, k], face.near_shift)
-        return 3
-    for i in range(4):
-        end = 0 if (i < 2) == (face.sign > 0) else 1
-        shift = face.near_shift if i == 0 or i == 3 else face.far_shift
-        _put_corner(scratch, i, scene.casters, scene.adjacency.ends[face.edge, end], shift)
-    return 4
+    casters, adjacency = scene.casters, scene.adjacency
+    n_corners = 3 if face.edge == _NO_EDGE else 4
+    for i in range(n_corners):
+        if face.edge == _NO_EDGE:
+            # Seen from behind the triangle: against the winding that faces the light
+            k = (3 - i) % 3 if casters.facing[face.triangle] > 0 else i
+            position, shift = adjacency.corners[face.triangle, k], face.near_shift
+        else:
+            position = adjacency.ends[face.edge, 0 if (i < 2) == (face.sign > 0) else 1]
+            shift = face.near_shift if i == 0 or i == 3 else face.far_shift
+        # At infinity there is only the direction
+        for c in range(3):
+            away = casters.away_view[position, c]
+            scratch.corners[i, c] = casters.positions_view[position, c] + shift * away if shift < np.inf else away
+        scratch.corners[i, 3] = 1.0 if shift < np.inf else 0.0
+    return n_corners
 
 
 @kernel

@@ -3,8 +3,8 @@
 A part of the scene is bounded by a box, and so are the lit candidates, the only samples that matter. The part's shadow
 lies in its box swept away from the light; what that shares with the samples' box is bounded by a box again, whose
 corners give a rectangle of the screen (the scissor: Lengyel 2002, Everitt and Kilgard 2003) and a range of depths (the
-depth bounds). Outside of them a sample is in none of the part's frusta, so all faces of that part can be left out there,
-with no change to what z-pass and z-fail count.
+depth bounds). Outside of them a sample is in none of the part's frusta, so all faces of that part can be left out
+there, with no change to what z-pass and z-fail count.
 """
 
 import numpy as np

@@ -72,14 +72,13 @@ def volume_view(camera, samples, nearest: float) -> VolumeView:
 
 
 @kernel
-def _plane_value(view, plane, room, side, i):
-    """Evaluate a clip plane at a corner; what is kept has values from 0 up."""
+def _plane_value(planes, plane, x, y, depth, w):
+    """Evaluate a clip plane at a corner; what is kept has values from 0 up. `planes`: nearest, guard_x, guard_y."""
     if plane == 0:
-        return room[side, i, 2] - view.nearest * room[side, i, 3]
-    axis = 0 if plane < 3 else 1
-    guard = view.guard_x if plane < 3 else view.guard_y
-    sign = 1.0 if plane == 1 or plane == 3 else -1.0
-    return guard * room[side, i, 2] + sign * room[side, i, axis]
+        return depth - planes[0] * w
+    guard = planes[1] if plane < 3 else planes[2]
+    value = x if plane < 3 else y
+    return guard * depth + (value if plane == 1 or plane == 3 else -value)
 
 
 @kernel
@@ -92,12 +91,13 @@ def _precedes(room, side, i, j):
 
 
 @kernel
-def _clip_by_plane(view, plane, room, side, n_corners):
-    """Clip the polygon in one side of `room` by one plane (Sutherland and Hodgman) into the other; count its corners."""
+def _clip_by_plane(planes, plane, room, side, n_corners):
+    """Clip the polygon in one side of `room` by a plane into the other (Sutherland and Hodgman); count corners."""
     n = 0
     for i in range(n_corners):
         j = i + 1 if i + 1 < n_corners else 0
-        value_i, value_j = _plane_value(view, plane, room, side, i), _plane_value(view, plane, room, side, j)
+        value_i = _plane_value(planes, plane, room[side, i, 0], room[side, i, 1], room[side, i, 2], room[side, i, 3])
+        value_j = _plane_value(planes, plane, room[side, j, 0], room[side, j, 1], room[side, j, 2], room[side, j, 3])
         if value_i >= 0.0:
             for c in range(4):
                 room[1 - side, n, c] = room[side, i, c]
@@ -128,16 +128,19 @@ def clip_and_project(view, room, n_corners, out, slot):
     -------
     Number of corners: 0 if nothing is left.
     """
+    # Records and arrays stay out of the calls in this loop: each would cost more than the arithmetic
+    planes = (view.nearest, view.guard_x, view.guard_y)
     side = 0
     for plane in range(_N_PLANES):
         n_outside = 0
         for i in range(n_corners):
-            if not _plane_value(view, plane, room, side, i) >= 0.0:
+            if not _plane_value(planes, plane, room[side, i, 0], room[side, i, 1], room[side, i, 2],
+                                room[side, i, 3]) >= 0.0:
                 n_outside += 1
         if n_outside == n_corners:
             return 0
         if n_outside > 0:
-            n_corners = _clip_by_plane(view, plane, room, side, n_corners)
+            n_corners = _clip_by_plane(planes, plane, room, side, n_corners)
             side = 1 - side
     for i in range(n_corners):
         # Clamping keeps a corner cut at the eye itself, of depth 0 but for rounding, on its side of the image
