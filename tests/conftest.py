@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from shadowbench import jit
+
 
 @pytest.fixture(scope="session")
 def models() -> Path:
@@ -13,3 +15,11 @@ def models() -> Path:
     if not folder:
         pytest.skip("SHADOWBENCH_MODELS is not set: no real meshes to test with")
     return Path(folder)
+
+
+@pytest.fixture(autouse=True)
+def _same_threads_afterwards():
+    """Leave the number of threads as it was."""
+    before = jit.n_threads()
+    yield
+    jit.set_threads(before)

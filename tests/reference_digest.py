@@ -1,8 +1,8 @@
 """Print a digest of the reference's results and counts on fixed scenes, for each number of threads in the
 arguments.
 
-Run by test_reference_determinism.py in a process of its own, so that Numba can be told how many threads to
-start and which processor to compile for.
+Run by test_reference_determinism.py in a process of its own, so that Numba can be told which processor to
+compile for.
 """
 
 import hashlib

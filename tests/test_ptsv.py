@@ -147,21 +147,14 @@ def digest():
 
 
 def test_same_results_for_any_number_of_threads():
-    import numba
     expected = digest()
-    available = numba.config.NUMBA_NUM_THREADS
-    try:
-        for n_threads in range(1, min(available, 4) + 1):
-            set_threads(n_threads)
-            assert digest() == expected
-    finally:
-        set_threads(available)
+    for n_threads in (1, 2, 3, 4):
+        set_threads(n_threads)
+        assert digest() == expected
 
 
-@pytest.mark.parametrize("threads", [4])
-def test_same_results_on_a_generic_cpu_in_another_process(threads, tmp_path):
-    environment = dict(os.environ, NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="", NUMBA_CACHE_DIR=str(tmp_path),
-                       NUMBA_NUM_THREADS=str(threads))
+def test_same_results_on_a_generic_cpu_in_another_process(tmp_path):
+    environment = dict(os.environ, NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="", NUMBA_CACHE_DIR=str(tmp_path))
     root = os.path.dirname(os.path.dirname(__file__))
     code = f"import sys; sys.path.insert(0, {root!r}); from tests import test_ptsv; print(test_ptsv.digest())"
     out = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)

@@ -4,13 +4,13 @@ import math
 import time
 from fractions import Fraction
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 
+from shadowbench import jit
 from shadowbench.geometry import Camera, ImageSize, Light, Mesh
 from shadowbench.kernels.orientation import orient2d, orient2d_exact, two_product, two_sum
 from shadowbench.kernels.projection import View, clip_near, project, screen_axis
@@ -331,14 +331,14 @@ def test_threads_and_sizes_change_nothing(size):
     columns, rows = size
     view = square_view(rows, columns, 0.05)
     mesh = random_scene(3000)
-    before = numba.get_num_threads()
+    before = jit.n_threads()
     results = []
     try:
         for n_threads in (1, 2, 4):
-            numba.set_num_threads(n_threads)
+            jit.set_threads(n_threads)
             results.append(draw(view, mesh.vertices, mesh.triangles))
     finally:
-        numba.set_num_threads(before)
+        jit.set_threads(before)
     assert results[0][0].depth.shape == (rows, columns) and np.isfinite(results[0][0].depth).any()
     for target, counts in results[1:]:
         for got, expected in zip((*target, *counts), (*results[0][0], *results[0][1]), strict=True):
@@ -355,8 +355,8 @@ def test_view_samples_of_250_000_triangles_within_a_quarter_second():
                             np.concatenate([np.c_[a, a + 1, a + 356], np.c_[a, a + 356, a + 355]]))
     camera, light, image = Camera((0, 0, 2), (0, 0, 0)), Light.point(1, 2, 3), ImageSize(1024, 1024)
     assert mesh.n_triangles > 250_000 and camera_view(camera, image).shape == (1024, 1024)
-    before = numba.get_num_threads()
-    numba.set_num_threads(2)
+    before = jit.n_threads()
+    jit.set_threads(2)
     try:
         seconds = []
         for _ in range(12):
@@ -364,6 +364,6 @@ def test_view_samples_of_250_000_triangles_within_a_quarter_second():
             samples = render_view_samples(mesh, camera, light, image)
             seconds.append(time.perf_counter() - start)
     finally:
-        numba.set_num_threads(before)
+        jit.set_threads(before)
     assert np.all(samples.triangle >= 0)
     assert min(seconds) < 0.25, seconds

@@ -2,13 +2,13 @@
 
 import math
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from shadowbench import jit
 from shadowbench.algorithms import ALGORITHMS
 from shadowbench.algorithms.base import Frame, Probe
 from shadowbench.algorithms.shadow_map import Params, ShadowMap
@@ -327,12 +327,12 @@ def test_scaled_and_moved_scenes_have_the_same_shadows(scale, offset):
 
 @pytest.mark.parametrize("light", [ABOVE, AMONG, PARALLEL])
 def test_threads_change_nothing(light):
-    frame, before = make_frame(scene(), light), numba.get_num_threads()
+    frame, before = make_frame(scene(), light), jit.n_threads()
     try:
-        numba.set_num_threads(1)
+        jit.set_threads(1)
         one = run(frame, resolution=128, pcf=3)
     finally:
-        numba.set_num_threads(before)
+        jit.set_threads(before)
     all_threads = run(frame, resolution=128, pcf=3)
     np.testing.assert_array_equal(one[0], all_threads[0])
     assert one[1].counts == all_threads[1].counts

@@ -2,12 +2,12 @@
 
 from fractions import Fraction
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from shadowbench import jit
 from shadowbench.geometry import Camera, ImageSize, Light, Mesh
 from shadowbench.view_samples import PLANE_ERROR, SAMPLE_PATTERNS, render_view_samples, resolve_to_pixels
 
@@ -197,13 +197,13 @@ def test_camera_inside_the_geometry_sees_its_inside():
 
 
 def test_threads_change_nothing():
-    before, results = numba.get_num_threads(), []
+    before, results = jit.n_threads(), []
     try:
         for n_threads in (1, 2, 4):
-            numba.set_num_threads(n_threads)
+            jit.set_threads(n_threads)
             results.append(render_view_samples(soup(5000), CAMERA, LIGHT, ImageSize(200, 150, 2)))
     finally:
-        numba.set_num_threads(before)
+        jit.set_threads(before)
     assert np.any(results[0].triangle >= 0)
     for samples in results[1:]:
         for name, value in samples._asdict().items():

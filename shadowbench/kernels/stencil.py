@@ -329,7 +329,7 @@ def _draw_face(face, first_row, last_row, view, faces, z_fail, target, limits, m
     side, sign = faces.eye_side[face], np.int64(-faces.multiplicity[face] if z_fail else faces.multiplicity[face])
     depths = (limits.depths[part, 0], limits.depths[part, 1])
     unbounded = depths[0] == -np.inf and depths[1] == np.inf
-    if (side == BEHIND_PLANE or side == BEFORE_PLANE) and unbounded and len(mask) == 0 and counts is None:
+    if side in (BEHIND_PLANE, BEFORE_PLANE) and unbounded and len(mask) == 0 and counts is None:
         plane = (faces.plane[face, 0], faces.plane[face, 1], faces.plane[face, 2], faces.plane[face, 3])
         where = side if z_fail else BEHIND_PLANE + BEFORE_PLANE - side
         _draw_fast(spans, n_spans, sign, plane, where, view.x, view.down, target.depth, target.stencil)
