@@ -45,7 +45,7 @@ from shadowbench.scenes.props import (
 )
 from shadowbench.scenes.shapes import Shape, arch, box, copies, grid, join, lathe, sheet, stairs, unit_circle
 
-MINIMUM = 6000
+MINIMUM = 26_000
 """Fewest triangles: every building in its coarsest form."""
 
 _START = 0.98       # detail per square root of (triangles / 60,000) at which about an eighth is left for small things

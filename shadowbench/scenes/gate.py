@@ -7,6 +7,7 @@ path. The camera starts in front of the gate, enters by its open leaf, and goes 
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -27,8 +28,8 @@ from shadowbench.scenes.procedural import (
 from shadowbench.scenes.props import Limbs, blades, branches, conifer, crown, fill, leaves, trunk, tubes
 from shadowbench.scenes.shapes import Shape, box, copies, grid, join, lathe
 from shadowbench.scenes.villa import (
-    balustrade,
     ball,
+    balustrade,
     fence,
     fountain,
     gate_leaf,
@@ -58,25 +59,25 @@ _COLORS = {
 }
 
 # Broad-leaved trees: x, z, height of the trunk, radius of the crown.
-_TREES = ((-9.5, 27.0, 3.6, 2.6), (-11.5, 18.5, 4.2, 3.0), (-10.5, 9.0, 3.8, 2.7), (-15.0, 2.0, 4.4, 3.0),
-          (10.5, 26.0, 3.6, 2.5), (15.0, 17.0, 4.4, 3.0), (15.5, 7.5, 4.0, 2.8), (-19.0, 23.0, 4.8, 3.2),
-          (-23.0, 13.0, 5.0, 3.3), (27.0, 14.0, 4.8, 3.2))
+_TREES = ((-5.9, 27.6, 3.7, 2.6), (-11.5, 19.5, 4.2, 3.0), (-12.5, 10.5, 4.0, 2.8), (-7.8, 3.6, 3.4, 2.3),
+          (9.5, 26.0, 3.6, 2.5), (15.0, 17.0, 4.4, 3.0), (8.4, 4.4, 3.4, 2.2), (-19.0, 25.0, 4.8, 3.2),
+          (-21.0, 12.0, 5.0, 3.3), (27.0, 14.0, 4.8, 3.2), (-15.0, 42.0, 4.6, 3.2), (-24.0, 44.5, 4.8, 3.0))
 # The wood behind the house and at its sides.
-_WOOD = ((-34.0, -12.0, 7.0, 4.6), (-27.0, -43.0, 8.0, 5.0), (-11.0, -46.0, 9.0, 5.2), (7.0, -47.0, 8.5, 5.0),
-         (24.0, -44.0, 8.0, 5.0), (36.0, -20.0, 7.0, 4.6), (39.0, -36.0, 7.5, 4.8), (-40.0, -30.0, 7.5, 4.8))
+_WOOD = ((-35.0, -14.0, 8.0, 5.0), (-28.0, -43.0, 13.0, 5.6), (-13.0, -46.0, 16.5, 6.2), (1.0, -47.0, 15.0, 6.0),
+         (13.0, -45.0, 17.0, 6.0), (26.0, -43.0, 12.0, 5.6), (37.0, -22.0, 9.0, 5.0))
 # Clipped hedges: x, z, turn in degrees, length, height.
 _HEDGES = ((-4.2, 27.0, 90, 9.0, 0.7), (4.2, 27.0, 90, 9.0, 0.7), (-4.2, 3.8, 90, 6.0, 0.7), (4.2, 3.8, 90, 6.0, 0.7),
            (-8.6, 22.2, 0, 8.0, 0.7), (8.6, 22.2, 0, 8.0, 0.7), (-8.4, 6.6, 0, 7.6, 0.7), (8.4, 6.6, 0, 7.6, 0.7),
            (-27.0, 0.0, 90, 44.0, 1.5), (33.0, 4.0, 90, 44.0, 1.5), (0.0, -40.5, 0, 50.0, 1.6))
 _CONES = ((-5.6, 21.0), (5.6, 21.0), (-5.6, 7.8), (5.6, 7.8))
-_CYPRESSES = ((-18.5, -6.0), (18.6, -5.0), (-19.5, -27.0), (19.5, -28.0))
+_CYPRESSES = ((-18.4, -9.0), (18.4, -9.0), (-19.5, -27.0), (19.5, -28.0))
 
-_EYES = ((-0.7, 1.7, 39.6), (0.75, 1.75, 33.4), (2.0, 2.0, 24.0), (6.3, 2.3, 14.5), (8.5, 2.6, 2.5),
-         (22.5, 4.0, -4.0), (25.0, 5.0, -20.0), (10.0, 4.5, -33.0), (-10.0, 4.0, -33.5), (-23.5, 4.0, -20.0),
-         (-21.5, 3.5, -2.5))
-_TARGETS = ((0.0, 2.9, 0.0), (0.0, 3.0, 0.0), (-0.5, 3.0, 0.0), (-2.0, 3.0, -2.0), (-6.0, 3.5, -12.0),
-            (0.0, 4.0, -14.0), (2.0, 5.0, -20.0), (0.0, 4.5, -24.0), (0.0, 5.0, -24.0), (-4.0, 4.0, -16.0),
-            (0.0, 3.0, 4.0))
+_EYES = ((-0.7, 1.7, 39.6), (0.75, 1.75, 33.4), (1.6, 2.0, 24.5), (4.9, 2.2, 14.5), (2.0, 2.7, 4.6), (9.5, 3.3, -0.6),
+         (23.0, 4.4, -5.0), (24.5, 6.5, -22.0), (10.0, 6.0, -33.0), (-10.0, 4.5, -33.5), (-25.0, 4.0, -22.0),
+         (-23.0, 3.5, -2.5))
+_TARGETS = ((0.0, 2.9, 0.0), (0.0, 3.0, 0.0), (-0.5, 3.0, 0.0), (-1.0, 3.0, -2.0), (0.5, 4.2, -12.0),
+            (0.0, 4.0, -12.0), (4.0, 3.0, -12.0), (4.0, 3.0, -32.0), (-14.0, 3.0, -30.0), (-24.0, 3.0, -18.0),
+            (-10.0, 4.0, -4.0), (0.0, 3.0, 4.0))
 
 
 class _Ground:
@@ -96,7 +97,7 @@ class _Ground:
 def _ticks(borders: tuple[float, ...], size: float) -> FloatArray:
     """Positions that hit every border and are at most `size` apart."""
     pieces = [np.linspace(a, b, int(np.ceil((b - a) / size)) + 1)[:-1]
-              for a, b in zip(borders, borders[1:], strict=False)]
+              for a, b in pairwise(borders)]
     return np.concatenate([*pieces, [borders[-1]]])
 
 
@@ -189,7 +190,7 @@ def _build(detail: float, seed: int) -> tuple[MeshBuilder, _Ground, tuple[_Tufts
     builder, ground = MeshBuilder(_COLORS), _Ground(rng)
     near, far = _trees(builder, rng, _TREES, detail), _trees(builder, rng, _WOOD, 0.5 * detail)
     angles = whole_degrees(rng, 40)
-    height = rng.uniform(9.0, 15.0, (40, 1))
+    height = rng.uniform(11.0, 19.0, (40, 1))
     along = (np.arange(40) - 19.5) * 2.6
     row = np.stack([along, np.zeros(40), -50.0 + rng.uniform(-2.5, 2.5, 40)], axis=1)
     row[::4, 0], row[::4, 2] = -49.0, along[::4]
@@ -256,4 +257,4 @@ def generate(triangles: int, seed: int) -> ProceduralScene:
           (0.16, "hedge_leaf", lambda n: _hedge_leaves(rng, n))],
          lambda n: blades(rng, _lawn(rng, ground, n), 0.13), "grass")
     return ProceduralScene(builder.mesh(), _EYES, _TARGETS, closed=False, fov_y=50.0, near=0.1, far=400.0,
-                           light=Light.point(-180.0, 92.0, 70.0))
+                           light=Light.point(-190.0, 95.0, 48.0))
