@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from shadowbench.geometry import FloatArray
 from shadowbench.scenes.buildings import arched_window, rounds, tile_rows, window
 from shadowbench.scenes.procedural import Site
 from shadowbench.scenes.shapes import (
@@ -67,7 +68,7 @@ def balustrade(site: Site, length: float, detail: float, spacing: float = 0.3) -
     site.add(copies(baluster, np.stack([x, np.full_like(x, 0.18), np.zeros_like(x)], axis=1)), "stone_light")
 
 
-def bars(x: np.ndarray, low: float, high: np.ndarray, radius: float, sides: int) -> Shape:
+def bars(x: FloatArray, low: float, high: FloatArray, radius: float, sides: int) -> Shape:
     """Upright iron bars with spear points: closed, at float64 (k,) places along x; `high` float64 (k,)."""
     shaft = lathe([(0.0, 0.0), (1.0, 0.001), (1.0, 1.0), (0.0, 1.001)], sides)
     spear = lathe([(0.0, 0.0), (2.3, 0.05), (0.0, 0.26)], sides)
@@ -113,7 +114,8 @@ def overthrow(site: Site, width: float, spring: float, detail: float) -> None:
     site.add(slab(bow(half, 1.15), bow(half + 0.03, 1.21), 0.06), "iron")
     ring = iron_ring(0.15, rounds(detail, 12))
     middle = unit_circle(48)
-    site.add(join([ring.moved(half * middle[k, 0], spring + 0.98 * middle[k, 1], 0.0) for k in range(4, 21, 2)]), "iron")
+    rings = [ring.moved(half * middle[k, 0], spring + 0.98 * middle[k, 1], 0.0) for k in range(4, 21, 2)]
+    site.add(join(rings), "iron")
     site.add(box((-0.015, spring + 0.3, -0.015), (0.015, spring + 0.78, 0.015)), "iron")
     lamp = [(0.0, 0.0), (0.1, 0.03), (0.14, 0.32), (0.2, 0.34), (0.05, 0.46), (0.0, 0.5)]
     site.add(lathe(lamp, 6).moved(0.0, spring - 0.1, 0.0), "iron")
@@ -142,7 +144,8 @@ def hedge(site: Site, rng: np.random.Generator, length: float, height: float, de
 def fountain(site: Site, detail: float) -> None:
     """Round basin with water, and a bowl on a stem in its middle."""
     sides = rounds(detail, 28)
-    site.add(lathe([(3.0, -0.3), (3.0, 0.5), (3.15, 0.55), (3.15, 0.65), (2.7, 0.65), (2.7, 0.2)], sides), "stone_light")
+    basin = [(3.0, -0.3), (3.0, 0.5), (3.15, 0.55), (3.15, 0.65), (2.7, 0.65), (2.7, 0.2)]
+    site.add(lathe(basin, sides), "stone_light")
     site.add(lathe([(2.75, 0.42), (0.0, 0.42)], sides), "water")
     stem = [(0.6, 0.2), (0.5, 0.7), (0.2, 0.9), (0.26, 1.3), (0.16, 1.75), (0.3, 1.85), (1.1, 2.15), (1.15, 2.28),
             (0.9, 2.2), (0.15, 2.1), (0.2, 2.5), (0.1, 2.8), (0.32, 3.0), (0.36, 3.1), (0.0, 3.05)]
@@ -185,7 +188,7 @@ def shuttered_window(site: Site, width: float, height: float) -> None:
         hinge.add(box((low, -y, 0.0), (high, y, 0.05)), "shutter")
 
 
-def _facade(side: Site, bays: np.ndarray, out: float, detail: float, door: bool) -> None:
+def _facade(side: Site, bays: FloatArray, out: float, detail: float, door: bool) -> None:
     """Two rows of windows, arched below and shuttered above, on the plane z = out."""
     for x in bays:
         if not (door and abs(x) < 0.1):
