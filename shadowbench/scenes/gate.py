@@ -257,4 +257,4 @@ def generate(triangles: int, seed: int) -> ProceduralScene:
           (0.16, "hedge_leaf", lambda n: _hedge_leaves(rng, n))],
          lambda n: blades(rng, _lawn(rng, ground, n), 0.13), "grass")
     return ProceduralScene(builder.mesh(), _EYES, _TARGETS, closed=False, fov_y=50.0, near=0.1, far=400.0,
-                           light=Light.point(-190.0, 95.0, 48.0))
+                           light=Light.point(-188.0, 95.0, 60.0))

@@ -126,7 +126,7 @@ def fence(site: Site, length: float, detail: float) -> None:
     site.add(box((0.0, -0.5, -0.22), (length, 0.55, 0.22)), "stone")
     site.add(box((0.0, 0.55, -0.28), (length, 0.65, 0.28)), "stone_light")
     n = int(length / 0.24)
-    x = (np.arange(n) + 0.5) * (length / n)
+    x = (np.arange(n, dtype=np.float64) + 0.5) * (length / n)
     site.add(bars(x, 0.6, np.full(n, 2.1), 0.014, 4), "iron")
     for y in (0.8, 1.85):
         site.add(box((0.0, y - 0.02, -0.02), (length, y + 0.02, 0.02)), "iron")
@@ -212,7 +212,7 @@ def villa(site: Site, detail: float) -> None:
                                     (270, half_z, half_x, 3.2)):
         side = site.inner(0.0, 0.0, 0.0, turn)
         n = int((across - 1.0) / step)
-        _facade(side, step * np.arange(-n, n + 1), out, detail, turn == 0)
+        _facade(side, step * np.arange(-n, n + 1, dtype=np.float64), out, detail, turn == 0)
         for end in (-1.0, 1.0):
             quoins = [box((end * across - w, 0.5 + 0.6 * k, out - 0.1), (end * across + w, 1.0 + 0.6 * k, out + 0.07))
                       for k, w in zip(range(12), (0.75, 0.45) * 6, strict=True)]
