@@ -9,7 +9,8 @@ from shadowbench.geometry import Camera
 from shadowbench.kernels.edges import edge_adjacency, edge_multiplicities
 from shadowbench.kernels.eye_volumes import AROUND, TOUCHING, _eye_states
 from shadowbench.kernels.shadow_volumes import find_casters
-from shadowbench.kernels.volume_faces import AT_INFINITY, VolumeKind, make_faces
+from shadowbench.kernels.volume_extrusion import VolumeKind, make_faces
+from shadowbench.kernels.volume_faces import AT_INFINITY
 from shadowbench.kernels.volume_polygons import MAX_CORNERS, clip_and_project, volume_view
 from tests.stencil_twin import shadow_counts, shift_of
 

@@ -26,7 +26,7 @@ from shadowbench.kernels import stencil_volumes
 from shadowbench.kernels.edges import edge_multiplicities
 from shadowbench.kernels.eye_volumes import add_touching, eye_totals, find_eye_volumes
 from shadowbench.kernels.shadow_volumes import find_casters
-from shadowbench.kernels.volume_faces import VolumeKind, make_faces
+from shadowbench.kernels.volume_extrusion import VolumeKind, make_faces
 from shadowbench.kernels.volume_limits import volume_limits
 from shadowbench.kernels.volume_polygons import volume_view
 

@@ -10,8 +10,7 @@ sample, the plane's function is linear in the ray's column times the sample's de
 A face that is seen edge-on can cover samples by rounding alone, and its plane can't tell before from behind. There the
 ray is cut with the face's borders, within its plane.
 
-Rows are dealt to a constant number of bands. A band owns its rows and draws its faces in their order, so results are
-the same for every number of threads. Stencil values are unsigned integers of 32 bits that wrap around. A narrower
+Stencil values are unsigned integers of 32 bits that wrap around. A narrower
 buffer, wrapping too, would hold their lowest bits: increments and decrements are sums modulo a power of two.
 """
 
@@ -23,12 +22,9 @@ from numpy.typing import NDArray
 from shadowbench.jit import kernel, parallel_kernel, prange
 from shadowbench.kernels.orientation import orient2d
 from shadowbench.kernels.shadow_volumes import N_WORKERS
-from shadowbench.kernels.volume_faces import AT_INFINITY, BEFORE_PLANE, BEHIND_PLANE, EDGE_ON_PLANE, Faces
+from shadowbench.kernels.volume_bins import BAND_STRIDE, N_BANDS, band_rows, face_rows
+from shadowbench.kernels.volume_faces import AT_INFINITY, BEFORE_PLANE, BEHIND_PLANE, EDGE_ON_PLANE
 from shadowbench.kernels.volume_polygons import MAX_CORNERS
-
-N_BANDS = 64
-_BAND_STRIDE = 27
-"""Coprime to N_BANDS: neighbouring workers get bands far apart, so each thread sees all parts of the screen."""
 
 CROSSING_ERROR = 32.0 * 2.0**-53
 """Bounds the rounding error of a crossing's position relative to its edge's ends: six roundings, with room to spare."""
@@ -52,22 +48,6 @@ class StencilTarget(NamedTuple):
     stencil: NDArray[np.uint32]
 
 
-class VolumeLimits(NamedTuple):
-    """Where the volumes of each part of the scene can reach a sample; see `volume_limits`.
-
-    Attributes
-    ----------
-    part : int32 (n_triangles,).
-    rows, columns : int32 (n_parts, 2), first and last that are drawn: the scissor.
-    depths : float64 (n_parts, 2), nearest and farthest sample that is drawn: the depth bounds.
-    """
-
-    part: NDArray[np.int32]
-    rows: NDArray[np.int32]
-    columns: NDArray[np.int32]
-    depths: NDArray[np.float64]
-
-
 class StencilCounts(NamedTuple):
     """Operation counts of stencil drawing, per sample and per triangle.
 
@@ -85,85 +65,9 @@ class StencilCounts(NamedTuple):
     per_entry: NDArray[np.int64]
 
 
-class Bins(NamedTuple):
-    """Faces per band.
-
-    Attributes
-    ----------
-    offset : int64 (N_BANDS, N_WORKERS + 1), where the faces of each band and worker start.
-    face : int64 (n_entries,), band by band, in increasing order within each.
-    """
-
-    offset: NDArray[np.int64]
-    face: NDArray[np.int64]
-
-
 _UPPER_X, _UPPER_DOWN, _LOWER_X, _LOWER_DOWN, _SLOPE, _ERROR, _TURN = range(7)
 """Columns of an edge of the face at work: its two ends, dx / dy, the error bound of its crossings, and +1 if the border
 runs downwards there, -1 if upwards."""
-
-
-@kernel
-def _band_rows(n_rows):
-    """Rows in each band."""
-    return (n_rows + N_BANDS - 1) // N_BANDS
-
-
-@kernel
-def _face_rows(faces, face, limits):
-    """First and last row of a face, within its scissor."""
-    first, last = np.int64(faces.rows[face, 0]), np.int64(faces.rows[face, 1])
-    part = limits.part[faces.triangle[face]]
-    return max(first, np.int64(limits.rows[part, 0])), min(last, np.int64(limits.rows[part, 1]))
-
-
-@kernel
-def _count_chunk(worker, n_rows, faces, limits, counted):
-    """Count one worker's faces per band."""
-    band_rows = _band_rows(n_rows)
-    for face in range(faces.first[worker], faces.end[worker]):
-        first, last = _face_rows(faces, face, limits)
-        if first <= last:
-            for band in range(first // band_rows, last // band_rows + 1):
-                counted[band, worker] += 1
-
-
-@kernel
-def _scatter_chunk(worker, n_rows, faces, limits, bins):
-    """Write one worker's faces into the bands."""
-    band_rows = _band_rows(n_rows)
-    place = bins.offset[:, worker].copy()
-    for face in range(faces.first[worker], faces.end[worker]):
-        first, last = _face_rows(faces, face, limits)
-        if first <= last:
-            for band in range(first // band_rows, last // band_rows + 1):
-                bins.face[place[band]] = face
-                place[band] += 1
-
-
-@parallel_kernel
-def _count_all(n_rows, faces, limits, counted):
-    for worker in prange(N_WORKERS):
-        _count_chunk(np.int64(worker), n_rows, faces, limits, counted)
-
-
-@parallel_kernel
-def _scatter_all(n_rows, faces, limits, bins):
-    for worker in prange(N_WORKERS):
-        _scatter_chunk(np.int64(worker), n_rows, faces, limits, bins)
-
-
-def bin_faces(n_rows: int, faces: Faces, limits: VolumeLimits) -> Bins:
-    """Sort faces into bands by counting: count per worker and band, add up, scatter."""
-    counted = np.zeros((N_BANDS, N_WORKERS), np.int64)
-    _count_all(n_rows, faces, limits, counted)
-    ends = np.cumsum(counted.ravel()).reshape(N_BANDS, N_WORKERS)
-    offset = np.zeros((N_BANDS, N_WORKERS + 1), np.int64)
-    offset[:, 1:] = ends
-    offset[1:, 0] = ends[:-1, -1]
-    bins = Bins(offset, np.empty(int(ends[-1, -1]), np.int64))
-    _scatter_all(n_rows, faces, limits, bins)
-    return bins
 
 
 @kernel
@@ -340,14 +244,14 @@ def _draw_face(face, first_row, last_row, view, faces, z_fail, target, limits, m
 @kernel
 def _draw_band(band, view, faces, bins, z_fail, target, limits, mask, counts):
     """Draw all faces of one band."""
-    n_rows = _band_rows(len(view.down))
+    n_rows = band_rows(len(view.down))
     first_row = band * n_rows
     last_row = min(first_row + n_rows, len(view.down)) - 1
     room = (np.empty((MAX_CORNERS, 7)), np.empty((MAX_CORNERS, 2), np.int64),
             np.empty((n_rows * MAX_CORNERS, 4), np.int64))
     for entry in range(bins.offset[band, 0], bins.offset[band, N_WORKERS]):
         face = bins.face[entry]
-        first, last = _face_rows(faces, face, limits)
+        first, last = face_rows(faces, face, limits)
         _draw_face(face, max(first, first_row), min(last, last_row), view, faces, z_fail, target, limits, mask, room,
                    counts, entry)
 
@@ -369,4 +273,4 @@ def draw_faces(view, faces, bins, z_fail, target, limits, mask, counts):
     counts : StencilCounts or None.
     """
     for worker in prange(N_BANDS):
-        _draw_band((worker * _BAND_STRIDE) % N_BANDS, view, faces, bins, z_fail, target, limits, mask, counts)
+        _draw_band((worker * BAND_STRIDE) % N_BANDS, view, faces, bins, z_fail, target, limits, mask, counts)

@@ -8,13 +8,8 @@ from numpy.typing import NDArray
 from shadowbench.kernels import shadow_frustum
 from shadowbench.kernels.caster_selection import closed_triangles, select_casters
 from shadowbench.kernels.edges import EdgeAdjacency, edge_adjacency
-from shadowbench.kernels.stencil import (
-    StencilCounts,
-    StencilTarget,
-    VolumeLimits,
-    bin_faces,
-    draw_faces,
-)
+from shadowbench.kernels.stencil import StencilCounts, StencilTarget, draw_faces
+from shadowbench.kernels.volume_bins import VolumeLimits, bin_faces
 from shadowbench.kernels.volume_faces import Faces
 
 NEAREST_BEHIND = 0.5

@@ -10,7 +10,7 @@ there, with no change to what z-pass and z-fail count.
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.kernels.stencil import VolumeLimits
+from shadowbench.kernels.volume_bins import VolumeLimits
 
 LIMIT_MARGIN = 2.0**-40
 """Boxes and depths are widened by this share of the largest coordinate in play: far more than their rounding errors
