@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import inspect
 import os
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,10 +44,14 @@ def run(argv: list[str], *, scenes: tuple[str, ...], specs: tuple[str, ...], ove
     chosen = [parse_algorithm_spec(spec) for spec in specs]
     for name, params in chosen:
         validate_params(name, params)
-    loaded = [load_scene(name, changes, quick_height=QUICK_HEIGHT if quick else None) for name in scenes]
+    loaded, seconds = [], []
+    for name in scenes:
+        start = time.perf_counter()
+        loaded.append(load_scene(name, changes, quick_height=QUICK_HEIGHT if quick else None))
+        seconds.append(time.perf_counter() - start)
     folders = _folders(out, [scene.name for scene in loaded])
     codes = []
-    for scene, folder in zip(loaded, folders, strict=True):
+    for scene, load_seconds, folder in zip(loaded, seconds, folders, strict=True):
         numbers = range(scene.n_frames)[frames or slice(None)]
         options = plan.RunOptions(tuple(numbers[:1] if quick else numbers), repeats or (1 if quick else 3),
                                     threads or len(os.sched_getaffinity(0)), only or plan.EVERYTHING, keep_going)
@@ -57,7 +62,7 @@ def run(argv: list[str], *, scenes: tuple[str, ...], specs: tuple[str, ...], ove
             click.echo(_list_cells(scene, cells))
             codes.append(0)
         else:
-            codes.append(_run_scene(scene, cells, options, folder, argv))
+            codes.append(_run_scene(scene, load_seconds, cells, options, folder, argv))
             if codes[-1] == EXIT_INTERRUPTED:
                 break
     return max(codes)
@@ -90,7 +95,7 @@ def _list_cells(scene: Scene, cells: list[Cell]) -> str:
     return f"{scene.name}: {len(cells)} cells\n" + format_table(("frame", "method", ""), rows)
 
 
-def _run_scene(scene: Scene, cells: list[Cell], options: RunOptions, path: Path, argv: list[str]) -> int:
+def _run_scene(scene: Scene, load_seconds: float, cells: list[Cell], options: RunOptions, path: Path, argv: list[str]) -> int:
     """Run one scene and print its table and where everything is."""
     from shadowbench.plan import describe
     from shadowbench.runner import Runner
@@ -101,7 +106,7 @@ def _run_scene(scene: Scene, cells: list[Cell], options: RunOptions, path: Path,
         folder.write_text("config.resolved.yaml", resolved_yaml(scene.config))
         with Progress(len(cells)) as progress:
             progress.note(f"{scene.name}: {len(cells)} cells, {options.threads} thread(s)")
-            result = Runner(scene, cells, options, folder, progress).run()
+            result = Runner(scene, load_seconds, cells, options, folder, progress).run()
     except RunFolderError as error:
         click.echo(f"error: {error}", err=True)
         return EXIT_SOME_FAILED

@@ -78,16 +78,17 @@ class Runner:
     Parameters
     ----------
     scene, cells, options : what to run and how.
+    load_seconds : how long it took to load or generate the scene.
     folder : where results go.
     progress : where the user reads how far it is.
     """
 
-    def __init__(self, scene: Scene, cells: list[Cell], options: RunOptions, folder: RunFolder, progress: Progress
-                 ) -> None:
+    def __init__(self, scene: Scene, load_seconds: float, cells: list[Cell], options: RunOptions, folder: RunFolder,
+                 progress: Progress) -> None:
         self.scene, self.cells, self.options = scene, cells, options
         self.folder, self.progress = folder, progress
         self.summary = RunSummary(folder.path, folder.cells)
-        self.seconds: dict[str, float] = {"compilation": 0.0, "prepare": 0.0, "view_samples": 0.0, "reference": 0.0,
+        self.seconds: dict[str, float] = {"scene": load_seconds, "compilation": 0.0, "prepare": 0.0, "view_samples": 0.0, "reference": 0.0,
                                           "cells": 0.0, "images": 0.0}
         self._prepared: dict[str, tuple[Any, Any]] = {}
         self._announced: set[str] = set()

@@ -5,8 +5,6 @@ that enters a body also leaves it, hence on closed bodies that are wound alike a
 """
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 
 def weld(corners):
@@ -43,6 +41,9 @@ def closed_triangles(corners):
     -------
     bool (n_triangles,).
     """
+    from scipy.sparse import coo_matrix  # a quarter of a second to import, and few runs ask for this
+    from scipy.sparse.csgraph import connected_components
+
     if len(corners) == 0:
         return np.zeros(0, np.bool_)
     vertex = weld(corners)
