@@ -95,7 +95,8 @@ def _list_cells(scene: Scene, cells: list[Cell]) -> str:
     return f"{scene.name}: {len(cells)} cells\n" + format_table(("frame", "method", ""), rows)
 
 
-def _run_scene(scene: Scene, load_seconds: float, cells: list[Cell], options: RunOptions, path: Path, argv: list[str]) -> int:
+def _run_scene(scene: Scene, load_seconds: float, cells: list[Cell], options: RunOptions, path: Path, argv: list[str]
+               ) -> int:
     """Run one scene and print its table and where everything is."""
     from shadowbench.plan import describe
     from shadowbench.runner import Runner

@@ -88,8 +88,8 @@ class Runner:
         self.scene, self.cells, self.options = scene, cells, options
         self.folder, self.progress = folder, progress
         self.summary = RunSummary(folder.path, folder.cells)
-        self.seconds: dict[str, float] = {"scene": load_seconds, "compilation": 0.0, "prepare": 0.0, "view_samples": 0.0, "reference": 0.0,
-                                          "cells": 0.0, "images": 0.0}
+        self.seconds: dict[str, float] = {"scene": load_seconds, "compilation": 0.0, "prepare": 0.0, "view_samples": 0.0,
+                                          "reference": 0.0, "cells": 0.0, "images": 0.0}
         self._prepared: dict[str, tuple[Any, Any]] = {}
         self._announced: set[str] = set()
 
