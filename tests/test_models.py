@@ -14,6 +14,7 @@ NAMES = ("common/beetle.obj", "common/cheburashka.obj", "common/stanford-bunny.o
          "samurai_monastery/samurai_monastry.obj", "scans/boeing.off", "scans/bunny00.off", "scans/camel.off",
          "scans/dragon_vrip.ply.gz", "scans/triceratops.off", "trees/grove_252.glb", "trees/oak_and_pine_mask.glb")
 
+
 def scene_text(mesh: Path) -> str:
     """A scene file with the camera and the light fitted around a mesh."""
     vertices = load_mesh(mesh).mesh.corners.reshape(-1, 3)
