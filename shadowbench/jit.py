@@ -10,8 +10,9 @@ Three rules keep every count the same on every machine, for every thread count:
   literal ``None``, and guards each count with ``if counts is not None``. Numba compiles the two types apart and
   removes the guarded code from the ``None`` build, so timed code carries no counting.
 
-The cache lives in a folder named by a digest of all package sources and of the versions of Numba, llvmlite and
-NumPy, because Numba itself notices only a change in the file of the kernel, not in the helpers that it calls.
+A kernel's cache lives in a folder named by a digest of all sources that its module depends on and of the versions of
+Numba, llvmlite and NumPy, because Numba itself notices only a change in the file of the kernel, not in the helpers
+that it calls.
 """
 
 import ast
@@ -36,27 +37,21 @@ from numba import prange
 from numba.core.event import Event, Listener, register, unregister
 from platformdirs import user_cache_path
 
+from shadowbench.source_digest import source_digest
+
 __all__ = ["CompileWatch", "cache_folder", "kernel", "n_threads", "parallel_kernel", "prange",
-           "set_threads", "sources_digest"]
+           "set_threads"]
 
 
-def sources_digest() -> str:
-    """Digest of every package source and of the compiler's versions, as 16 hexadecimal digits."""
-    digest = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__} {numpy.__version__}".encode())
-    package = Path(__file__).parent
-    for path in sorted(package.rglob("*.py")):
-        digest.update(path.relative_to(package).as_posix().encode())
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
+@functools.cache
 def cache_folder() -> Path:
     """Create and return the folder for compiled kernels: a temporary one where the usual place is not writable.
 
     ``NUMBA_CACHE_DIR``, where it is set, is the parent; otherwise it is the user's cache folder.
     """
     parent = os.environ.get("NUMBA_CACHE_DIR") or user_cache_path("shadowbench", appauthor=False)
-    folder = Path(parent) / f"kernels-{sources_digest()}"
+    versions = f"{numba.__version__} {llvmlite.__version__} {numpy.__version__}"
+    folder = Path(parent) / f"kernels-{hashlib.sha256(versions.encode()).hexdigest()[:8]}"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -67,12 +62,15 @@ def cache_folder() -> Path:
         return temporary
 
 
-setattr(numba.config, "CACHE_DIR", str(cache_folder()))    # noqa: B010  numba.config has no type stubs
-
 _OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": False, "nogil": True}
 
-kernel: Any = numba.njit(**_OPTIONS)
-"""Decorator of a serial kernel."""
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Decorator of a serial kernel."""
+    folder = cache_folder() / source_digest(Path(function.__code__.co_filename))
+    setattr(numba.config, "CACHE_DIR", str(folder))     # noqa: B010  numba.config has no type stubs
+    return numba.njit(**_OPTIONS)(function)
+
 
 class parallel_kernel:
     """Decorator of a parallel kernel: one ``prange`` over workers whose body only calls serial kernels.

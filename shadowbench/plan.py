@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from shadowbench import environment, jit
@@ -13,6 +15,7 @@ from shadowbench.algorithms.base import Algorithm, AlgorithmParams
 from shadowbench.results import make_key, make_label
 from shadowbench.scene_models import GenerateEntry
 from shadowbench.scenes.loader import Scene
+from shadowbench.source_digest import source_digest
 
 EVERYTHING = frozenset({"counts", "timings", "images"})
 
@@ -54,7 +57,6 @@ class Cell:
 
 def plan_cells(scene: Scene, selections: Iterable[tuple[str, AlgorithmParams]], frames: Iterable[int]) -> list[Cell]:
     """List the cells of a run, frame by frame, without repeats."""
-    digest = jit.sources_digest()
     algorithms: dict[str, Algorithm] = {}
     for name, params in selections:
         changed = params.model_dump(exclude_defaults=True)
@@ -64,9 +66,15 @@ def plan_cells(scene: Scene, selections: Iterable[tuple[str, AlgorithmParams]], 
     for entry in config["geometry"]:
         entry.pop("mesh", None)
     return [Cell(frame, algorithm, label,
-                 make_key(sources=digest, scene=config, meshes=sorted(scene.digests.values()), frame=frame,
+                 make_key(sources=_sources(algorithm), scene=config, meshes=sorted(scene.digests.values()), frame=frame,
                           algorithm=algorithm.name, params=algorithm.params.model_dump(mode="json")))
             for frame in frames for label, algorithm in algorithms.items()]
+
+
+def _sources(algorithm: Algorithm) -> str:
+    """Digest of the sources that decide what a cell measures: the method's and the runner's."""
+    method = source_digest(Path(inspect.getfile(type(algorithm))))
+    return f"{method} {source_digest(Path(__file__).with_name('runner.py'))}"
 
 
 def sweep(selections: Iterable[tuple[str, dict[str, Any]]], matrix: Mapping[str, Sequence[Any]]

@@ -41,7 +41,6 @@ def test_editing_a_helper_in_another_file_runs_the_new_code(package_copy, tmp_pa
     helper = package_copy / "kernels" / "helper.py"
     helper.write_text(helper.read_text().replace("return 1", "return 2"))
     assert run_copy(package_copy, cache).stdout == "2\n"
-    assert len(list(cache.iterdir())) == 2
 
 
 def test_second_process_loads_from_the_cache(package_copy, tmp_path):
