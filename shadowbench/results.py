@@ -64,6 +64,8 @@ class CellResult(BaseModel):
     reason: str | None = Field(None, description="why the cell is unsupported or failed")
     counts: dict[str, int] = Field(default_factory=dict)
     levels: dict[str, list[int]] = Field(default_factory=dict, description="counts per tree level, from the root")
+    largest: dict[str, list[int]] = Field(
+        default_factory=dict, description="largest single values of a count, such as those of jobs, from the largest down")
     stages: dict[str, list[float]] = Field(default_factory=dict, description="seconds per stage and repeat")
     total_seconds: list[float] = Field(default_factory=list, description="seconds per repeat, preparation left out")
     jit_seconds: float = Field(0.0, description="seconds spent compiling, outside every timing")

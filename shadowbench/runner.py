@@ -192,7 +192,7 @@ class Runner:
         if algorithm.exact and measured.wrong:
             self._warn(f"frame {cell.frame}: {cell.label} is meant to be exact but has {measured.wrong} wrong samples")
         if "counts" in self.options.only:
-            result.counts, result.levels = probe.all_counts(), probe.levels
+            result.counts, result.levels, result.largest = probe.all_counts(), probe.levels, probe.largest
         if "timings" in self.options.only:
             with self._clock("cells", cell.label):
                 self._repeat(algorithm, frame, buffer, result)
