@@ -136,7 +136,8 @@ class Claim:
             why = f"{text} is {_within(self.holds)}"
         else:
             outcome = "holds in part" if value in self.partly else "does not hold"
-            also = f", but {_within(self.partly)}" if value in self.partly else f", nor {_within(self.partly)}"
+            also = f", but {_within(self.partly)}" if value in self.partly else (
+                f", nor {_within(self.partly)}" if self.partly != self.holds else "")
             why = f"{text} is not {_within(self.holds)}{also}" + (f". {self.otherwise}" if self.otherwise else "")
         return Verdict(self.text, self.published, text, value, outcome, why)
 

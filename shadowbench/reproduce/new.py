@@ -19,7 +19,8 @@ def label(planes: str) -> str:
 
 def ratio(a: str, b: str, scene: str, column: str = "test_and_set") -> Callable[[Sequence[Row]], float]:
     """One set of planes over another on a scene, means over the frames."""
-    return lambda rows: (mean(rows, column, method=label(a), scene=scene) / mean(rows, column, method=label(b), scene=scene))
+    return lambda rows: (mean(rows, column, method=label(a), scene=scene)
+                         / mean(rows, column, method=label(b), scene=scene))
 
 
 def false_positives(rows: Sequence[Row], planes: str, scene: str, level: int) -> float:
@@ -30,20 +31,21 @@ def false_positives(rows: Sequence[Row], planes: str, scene: str, level: int) ->
 
 
 def plot_culling_planes(evidence: Evidence, folder: Path) -> None:
-    """Operations and time by scene; false positives by level on the first scene."""
+    """Operations and time by scene; false positives by level on each scene."""
     from shadowbench.reproduce import plots
 
-    rows, (figure, axes) = evidence.rows, plots.panels(3, 4.0, 3.4)
+    rows, (figure, axes) = evidence.rows, plots.panels(4, 3.2, 3.4)
     for panel, column, unit, scale in ((axes[0], "test_and_set", "million operations", 1e-6),
                                        (axes[1], "seconds", "milliseconds", 1e3)):
-        series = {scene: [scale * mean(rows, column, method=label(p), scene=scene) for p in PLANES] for scene in SCENES}
-        plots.draw_bars(panel, PLANES, series, column.replace("_", " "), unit)
-    axes[0].legend()
+        series = {planes: [scale * mean(rows, column, method=label(planes), scene=scene) for scene in SCENES]
+                  for planes in PLANES}
+        plots.draw_groups(panel, SCENES, series, unit, unit, logarithmic=True)
     levels = sorted(int(name.rpartition(".")[2]) for name in rows[0] if name.startswith("refinements."))
-    shares = {p: [false_positives(rows, p, SCENES[0], level) for level in levels] for p in PLANES}
-    plots.draw_bars(axes[2], [f"level {level}" for level in levels], shares, f"false positives, {SCENES[0]}",
-                    "% of refined tiles")
-    axes[2].legend(fontsize="small")
+    for panel, scene in zip(axes[2:], SCENES, strict=True):
+        shares = {planes: [false_positives(rows, planes, scene, level) for level in levels] for planes in PLANES}
+        plots.draw_groups(panel, [f"level {level}" for level in levels], shares, f"false positives, {scene}",
+                        "% of refined tiles")
+    plots.legend_below(figure, axes[0])
     plots.save(figure, folder)
 
 
@@ -56,9 +58,10 @@ def culling_planes(size: int, citadel: tuple[int, ...], gate: tuple[int, ...], r
 
 N5 = Item(
     "N5", "new", "Culling planes of PTSV: operations, time, false positives per level", "not published",
-    "PTSV with back-face casters and each set of culling planes: none; silhouette (Sintorn et al. 2011); wedge (Sintorn et "
-    "al. 2014); outline, every supporting plane through the eye; outline and wedge. A false positive is a refined tile in which "
-    "the frustum then puts nothing in shadow; level 0 are the root's children. `gate` stands in for the villa.",
+    "PTSV with back-face casters and each set of culling planes: none; silhouette (Sintorn et al. 2011); wedge (Sintorn "
+    "et al. 2014); outline, every supporting plane through the eye; outline and wedge. A false positive is a refined tile "
+    "in which the frustum then puts nothing in shadow that was not yet; level 0 are the root's children. `gate` stands in "
+    "for the villa.",
     full=culling_planes(1024, (4, 28), (0, 24), 3), quick=culling_planes(512, (28,), (0,), 1),
     rows=cell_rows("test_and_set", "all_work", "wrong", "seconds", "node_tests.level", "refinements.level",
                    "fruitless_refinements.level"),

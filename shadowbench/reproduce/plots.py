@@ -13,11 +13,12 @@ from matplotlib.figure import Figure
 from shadowbench import image_io
 
 PNG_DPI = 110
-METHOD_COLORS = {"z_pass": "#d1495b", "z_fail": "#edae49", "ptsv": "#8fb8de", "ptsv+casters=back_faces": "#00507a"}
+METHOD_COLORS = {"z_pass": "#d1495b", "z_fail": "#edae49", "ptsv": "#8fb8de",
+                 "ptsv+casters=back_faces": "#00507a"}
 """One colour per method in all figures."""
 
-_STYLE: dict[Any, Any] = {"svg.hashsalt": "shadowbench", "font.size": 9, "axes.spines.top": False, "axes.spines.right": False,
-          "legend.frameon": False}
+_STYLE: dict[Any, Any] = {"svg.hashsalt": "shadowbench", "font.size": 9, "axes.spines.top": False,
+                          "axes.spines.right": False}
 
 
 def panels(n_columns: int, width: float = 4.2, height: float = 3.2) -> tuple[Figure, Sequence[Axes]]:
@@ -34,14 +35,23 @@ def draw_lines(axes: Axes, x: Sequence[float], series: Mapping[str, Sequence[flo
     axes.set(title=title, xlabel="frame of the fly-through", ylabel=y_label, yscale="log")
 
 
-def draw_bars(axes: Axes, groups: Sequence[str], series: Mapping[str, Sequence[float]], title: str, y_label: str) -> None:
-    """Draw a bar per group and series, side by side, from zero."""
+def draw_groups(axes: Axes, groups: Sequence[str], series: Mapping[str, Sequence[float]], title: str, y_label: str,
+                logarithmic: bool = False) -> None:
+    """Draw a value per group and series side by side: bars from zero, or points on a logarithmic scale."""
     width = 0.8 / len(series)
     for i, (label, heights) in enumerate(series.items()):
         places = [g - 0.4 + width * (i + 0.5) for g in range(len(groups))]
-        axes.bar(places, heights, width, label=label)
-    axes.set(title=title, ylabel=y_label, xticks=range(len(groups)))
-    axes.set_xticklabels(groups, rotation=20, ha="right")
+        if logarithmic:
+            axes.plot(places, heights, "o", label=label)
+        else:
+            axes.bar(places, heights, width, label=label)
+    axes.set(title=title, ylabel=y_label, yscale="log" if logarithmic else "linear", xticks=range(len(groups)))
+    axes.set_xticklabels(groups)
+
+
+def legend_below(figure: Figure, axes: Axes) -> None:
+    """Put the legend of some axes under all of them."""
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False)
 
 
 def draw_picture(axes: Axes, file: Path, title: str) -> None:
