@@ -6,6 +6,7 @@ import inspect
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -89,8 +90,9 @@ def _sources(algorithm: Algorithm) -> str:
 
 def _generators(scene: Scene) -> list[str]:
     """Digests of the sources of the scene's generators, which are imported by name when they are used."""
-    names = sorted({entry.generate for entry in scene.config.geometry if isinstance(entry, GenerateEntry)})
-    return [source_digest(Path(inspect.getfile(SCENES[name].load()))) for name in names]
+    names = {entry.generate for entry in scene.config.geometry if isinstance(entry, GenerateEntry)}
+    modules = sorted(SCENES[name].target.partition(":")[0] for name in names)
+    return [source_digest(Path(inspect.getfile(import_module(module)))) for module in modules]
 
 
 def sweep(selections: Iterable[tuple[str, dict[str, Any]]], matrix: Mapping[str, Sequence[Any]]
