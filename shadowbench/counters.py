@@ -60,6 +60,9 @@ ALL_COUNTERS: tuple[Counter, ...] = (
             "Sintorn et al. 2014, sec. 2.2"),
     Counter("occupied_nodes", "node",
             "A node of the hierarchy, or a cluster, holds view samples.", "Sintorn et al. 2014, sec. 3"),
+    Counter("fruitless_refinements", "tile",
+            "A refined tile turns out to hold nothing that the shadow frustum puts in shadow: a false positive of the "
+            "tile test.", "Sintorn et al. 2011, sec. 3.5"),
     Counter("float64_sample_tests", "test",
             "A sample test that float32 left undecided is repeated in float64.", "shadowbench", in_all_work=True),
     Counter("stencil_fragments", "fragment",

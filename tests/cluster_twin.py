@@ -238,7 +238,8 @@ class Twin:
         """All places of the tile of a cluster, in the image or not."""
         s, i = self.samples, node.samples[0]
         row, column = i // s.columns // 8 * 8, i % s.columns // 8 * 8
-        return [y * s.columns + x for y in range(row, min(row + 8, s.rows)) for x in range(column, min(column + 8, s.columns))]
+        return [y * s.columns + x for y in range(row, min(row + 8, s.rows))
+                for x in range(column, min(column + 8, s.columns))]
 
     def test_samples(self, k, node, unit):
         whole = self.params.leaf == "tile"

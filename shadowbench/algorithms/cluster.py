@@ -20,10 +20,10 @@ Differences from the paper
 - Eq. 1 writes the whole field of view where clusters as deep as wide, its stated intent, need the half angle.
 - Slices start at the nearest sample. With `depth_start` ``near_plane``, as in the paper, 512 slices reach to about a hundred
   times the near distance, and everything beyond shares the last one.
-- Culling planes are tested before the frustum's own; the outcome is the same. The sets ``outline`` and ``outline+wedge``, and
-  groups of frusta, are not in the paper.
-- A job is done by one thread, and threads own nodes of the split level, so counts do not depend on timing. With one pass that
-  level is the root's children. Frusta of the first pass do not know what others have found; those of the second do.
+- Culling planes are tested before the frustum's own; the outcome is the same. The sets ``outline`` and ``outline+wedge``
+  and groups of frusta are not in the paper.
+- A job is done by one thread, and threads own nodes of the split level, so counts do not depend on timing. With one pass
+  that level is the root's children. Frusta of the first pass do not know what others have found; those of the second do.
 - Children that exist are tested and counted, in order of their keys; the GPU runs 32 lanes whether they exist or not.
 - Shadowed samples are dropped from leaves (`skip_shadowed`), and leaves may test their own samples alone (`leaf`).
 
@@ -173,7 +173,6 @@ class Cluster(Algorithm):
             frusta = self._frusta(frame, sides, triangles, view)
         rules = Rules(EYE_EDGES[params.culling_planes] > 0, "wedge" in params.culling_planes, params.skip_shadowed,
                       params.leaf == "tile")
-        n_levels = len(tree.layout.level_bits)
         work = [self._walk_frusta(frame, tree, triangles, frusta, rules, probe)]
         if groups is not None:
             work.append(self._walk_groups(frame, tree, sides, grouped, groups, view, rules, probe))

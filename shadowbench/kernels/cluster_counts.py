@@ -36,7 +36,8 @@ def tests_per_sample(nodes, clusters, samples, counts, whole_tiles):
     n_inner, tests = len(nodes.first_child), counts.tests + counts.group_tests
     held = np.zeros(len(nodes.parent))
     held[n_inner:] = np.bitwise_count(clusters.samples)
-    for child in (np.arange(nodes.first[level + 1], nodes.first[level + 2]) for level in range(len(nodes.first) - 3, -1, -1)):
+    for level in range(len(nodes.first) - 2, 0, -1):
+        child = np.arange(nodes.first[level], nodes.first[level + 1])
         np.add.at(held, nodes.parent[child], held[child])
     share = tests / held
     if whole_tiles:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from shadowbench.report.remarks import remarks
 from shadowbench.results import CellResult
 
 HEADER = ("frame", "method", "wrong", "ties", "shadowed", "test_and_set", "all_work", "time ms", "memory KiB", "")
@@ -22,7 +23,7 @@ def summary_row(cell: CellResult) -> tuple[str, ...]:
     memory = f"{held / 1024:,.0f}"
     share = f"{100.0 * a.shadowed / a.lit_candidates:.2f} %" if a.lit_candidates else ""
     return (str(cell.frame), cell.label, f"{a.false_shadow + a.false_light:,}", f"{a.edge_tie:,}",
-            share, *counts, milliseconds, memory, "")
+            share, *counts, milliseconds, memory, "; ".join(remarks(cell)))
 
 
 def format_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
