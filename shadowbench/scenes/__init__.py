@@ -44,6 +44,8 @@ ALL_SCENES: tuple[SceneEntry, ...] = (
                88_000, "shadowbench.scenes.gate:generate"),
     SceneEntry("cubes", "Closed cubes floating in a room around the light",
                12_000, "shadowbench.scenes.cubes:generate"),
+    SceneEntry("strike", "Bowling ball running into ten pins: shadows on curved receivers; a fly-through",
+               6_000, "shadowbench.scenes.strike:generate"),
     SceneEntry("plane_square", "Square over a plane: its shadow is known in closed form",
                52, f"{_ANALYTIC}:plane_square"),
     SceneEntry("plane_disc", "Tilted regular polygon over a plane: its shadow is known in closed form",
