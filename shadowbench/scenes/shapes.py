@@ -262,7 +262,8 @@ def zigzag(near: tuple[Vector, Vector], far: tuple[Vector, Vector], n: int) -> S
     It faces up where `near` lies at larger z than `far`.
     """
     n_near, n_far = n // 2 + 1, n - n // 2 + 1
-    front, back = np.linspace(*np.array(near, np.float64), n_near), np.linspace(*np.array(far, np.float64), n_far)
+    front, back = (np.linspace(np.array(line[0], np.float64), np.array(line[1], np.float64), n_points)
+                   for line, n_points in ((near, n_near), (far, n_far)))
     triangles, i, j = [], 0, 0
     while i < n_near - 1 or j < n_far - 1:
         # Advance on the side that lags behind, so that the zigzag stays even.
