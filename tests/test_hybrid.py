@@ -143,7 +143,7 @@ def test_errors_are_missed_casters_alone():
     assert n_wrong > 0, "small casters must be missed somewhere, or this test can't fail"
 
 
-@pytest.mark.parametrize(("name", "size"), [("cubes", 192), ("strike", 192)])
+@pytest.mark.parametrize(("name", "size"), [("cubes", 192), ("dragon_cage", 192)])
 def test_errors_on_scenes(name, size):
     wrong, share = check_errors(scene_frame(name, size), resolution=64)
     assert 0 < wrong < 0.01 * size * size and 0.005 < share < 0.4
@@ -278,7 +278,7 @@ def best_of(algorithm, frame, repeats=5):
 
 
 @pytest.mark.bench
-@pytest.mark.parametrize("name", ["cubes"])
+@pytest.mark.parametrize("name", ["cubes", "dragon_cage"])
 def test_updates_shrink_with_the_mask(name, capsys):
     frame = scene_frame(name, 1024)
     set_threads(1)

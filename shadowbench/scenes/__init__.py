@@ -46,6 +46,8 @@ ALL_SCENES: tuple[SceneEntry, ...] = (
                12_000, "shadowbench.scenes.cubes:generate"),
     SceneEntry("strike", "Bowling ball running into ten pins: shadows on curved receivers; a fly-through",
                6_000, "shadowbench.scenes.strike:generate"),
+    SceneEntry("dragon_cage", "Curly closed body in a cage, lit from its middle: shadow volumes overlap everywhere",
+               12_000, "shadowbench.scenes.dragon_cage:generate"),
     SceneEntry("plane_square", "Square over a plane: its shadow is known in closed form",
                52, f"{_ANALYTIC}:plane_square"),
     SceneEntry("plane_disc", "Tilted regular polygon over a plane: its shadow is known in closed form",
