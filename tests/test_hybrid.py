@@ -30,6 +30,7 @@ from shadowbench.geometry import Camera, ImageSize, Light
 from shadowbench.jit import set_threads
 from shadowbench.kernels.depth_maps import CELL_BORDER, Receivers, compare_corners, render_depth
 from shadowbench.kernels.light_maps import fit_light_maps
+from shadowbench.kernels.mask_runs import cut_spans, find_runs
 from tests.hard_cases import HARD_CASES, Case, ground, mesh_of, soup
 from tests.silhouette_twin import twin_silhouette_map
 from tests.stencil_twin import stencil_counts
@@ -76,6 +77,29 @@ def test_mask_is_grown_to_tiles(rows, columns, tile, seed, share):
     expected = twin_mask(wanted, tile)
     np.testing.assert_array_equal(mask, expected[0])
     assert n_rejected == expected[1] and mask.flags.c_contiguous
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.integers(1, 6), st.integers(1, 30), st.integers(0, 10**6), st.floats(0, 1))
+def test_spans_are_cut_to_the_mask(rows, columns, seed, share):
+    """Sample by sample: a piece covers what both its span and the mask cover."""
+    rng = np.random.default_rng(seed)
+    mask = np.pad(rng.random((rows, columns)) < share, ((2, 1), (0, 0)), constant_values=True)
+    spans, expected = [], np.zeros(mask.shape, int)
+    for row in range(2, 2 + rows):
+        cuts = np.sort(rng.integers(0, columns + 1, 4))
+        for first, end, winding in ((cuts[0], cuts[1], 1), (cuts[2], cuts[3], -2)):
+            if first < end:
+                spans.append((row, first, end, winding))
+                expected[row, first:end] = winding * mask[row, first:end]
+    masked = find_runs(mask, 2, 1 + rows, 2)
+    n = cut_spans(np.array(spans, np.int64).reshape(-1, 4), len(spans), masked)
+    found = np.zeros(mask.shape, int)
+    for row, first, end, winding in masked.pieces[:n]:
+        assert first < end and not found[row, first:end].any()
+        found[row, first:end] = winding
+    np.testing.assert_array_equal(found, expected)
+    assert find_runs(np.zeros((0, 0), bool), 0, 3, 2).runs.shape == (0, 2)
 
 
 @pytest.mark.parametrize(("light", "projection", "tile", "casters"), [
@@ -267,7 +291,7 @@ def test_parameters_and_memory():
     assert probe.memory_bytes["stencil"] == 4 * n_samples
 
 
-def best_of(algorithm, frame, repeats=5):
+def best_of(algorithm, frame, repeats=3):
     """Smallest wall time in seconds of several calls."""
     times = []
     for _ in range(repeats):

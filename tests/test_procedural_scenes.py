@@ -1,4 +1,4 @@
-"""Citadel, gate, cubes, strike and dragon cage: exact counts, repeatability, sound triangles, and a camera path clear of geometry."""
+"""Citadel, gate, cubes, strike and dragon cage: exact counts, repeatability, sound triangles, a path clear of geometry."""
 
 from collections.abc import Sequence
 from functools import cache
