@@ -32,7 +32,7 @@ _BACKDROP, _HIGH, _LOW = 22.0, 15.0, -1.5   # half width, top and bottom of the 
 _BOARDS = 30
 _GUTTER_SIDES, _GUTTER_LENGTHS = 12, 8
 
-_FIXED = 2 * _BOARDS + 2 * (2 * _GUTTER_SIDES * _GUTTER_LENGTHS) + 2 * 4 + 2
+_FIXED = 2 * _BOARDS + 2 * (2 * _GUTTER_SIDES * _GUTTER_LENGTHS) + 2 * 6 + 2
 MINIMUM = N_PINS * PIN_TRIANGLES + _BALL_TRIANGLES + _FIXED + 2
 
 _COLORS = {"pin": (0.88, 0.86, 0.80), "ball": (0.10, 0.14, 0.42), "maple": (0.72, 0.52, 0.30), "pine": (0.78, 0.60, 0.38),
