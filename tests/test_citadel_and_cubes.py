@@ -1,4 +1,4 @@
-"""Citadel, cubes, strike, dragon cage: exact counts, the same bytes every time, sound triangles, a path clear of geometry."""
+"""Citadel, cubes, strike and dragon cage: exact counts, same bytes every time, sound triangles, a path clear of geometry."""
 
 import hashlib
 import subprocess

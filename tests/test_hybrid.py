@@ -156,12 +156,11 @@ def check_errors(frame, **params):
 
 def test_errors_are_missed_casters_alone():
     n_wrong = 0
-    for name, case in HARD_CASES.items():
+    for i, (name, case) in enumerate(HARD_CASES.items()):
         frame = case.frame()
-        for tile in (1, 8):
-            wrong, share = check_errors(frame, resolution=24, mask_tile=tile)
-            n_wrong += wrong
-            assert share < 1.0 or frame.samples.candidate.sum() < 2 or wrong == 0, name
+        wrong, share = check_errors(frame, resolution=24, mask_tile=(1, 8)[i % 2])
+        n_wrong += wrong
+        assert share < 1.0 or wrong == 0, name
     for seed in range(6):
         n_wrong += check_errors(soup(seed, kind=("random", "slivers", "grid")[seed % 3]).frame(), resolution=16)[0]
     assert n_wrong > 0, "small casters must be missed somewhere, or this test can't fail"

@@ -367,10 +367,13 @@ def test_artefact_of_a_lost_corner():
 
 
 def test_hard_cases_run():
-    for name, case in HARD_CASES.items():
-        for projection in ("auto", "cube"):
-            buffer, _ = run(case.frame(), resolution=32, projection=projection)
-            assert set(np.unique(buffer.shadow)) <= {0.0, 1.0}, name
+    """That the answer is that of a shadow map where corners agree is tested above; here, that there is one."""
+    for i, (name, case) in enumerate(HARD_CASES.items()):
+        frame = case.frame()
+        shadow = run(frame, resolution=32, projection=("auto", "cube")[i % 2])[0].shadow
+        truth, _ = reference_frame(frame, Probe())
+        assert set(np.unique(shadow)) <= {0.0, 1.0}, name
+        assert np.count_nonzero(shadow != truth) <= 0.5 * np.count_nonzero(frame.samples.candidate), name
 
 
 def test_pictures():
