@@ -107,7 +107,7 @@ def test_counts_equal_the_twin(seed, kind, params):
     assert np.array_equal(shadow.astype(bool), twin.in_shadow)
     assert probe.levels["node_tests"] == twin.counts["tests"][:-1].tolist()
     assert probe.counts["sample_tests"] == twin.counts["tests"][-1]
-    for name in ("trivial_accepts", "trivial_rejects", "refinements"):
+    for name in ("trivial_accepts", "trivial_rejects", "refinements", "fruitless_refinements"):
         assert probe.levels[name] == twin.counts[name][:-1].tolist()
     assert probe.counts["float64_sample_tests"] == twin.retries
     assert np.array_equal(probe.triangle_counts["test_and_set"], twin.per_triangle)

@@ -53,7 +53,7 @@ class Ptsv(Algorithm):
     exact = True
     stages = ("hierarchy", "frustum_setup", "traversal", "merge")
     counters = ("node_tests", "sample_tests", "trivial_accepts", "trivial_rejects", "refinements",
-                "float64_sample_tests")
+                "fruitless_refinements", "float64_sample_tests")
     Params = Params
 
     def prepare(self, mesh: Mesh) -> NDArray[np.bool_] | None:
@@ -133,6 +133,7 @@ def _record_counts(tree: TileTree, frusta: shadow_frustum.Frusta, counts: Counts
     probe.count_levels("trivial_accepts", counts.accepts.sum(axis=0)[:-1])
     probe.count_levels("trivial_rejects", counts.rejects.sum(axis=0)[:-1])
     probe.count_levels("refinements", counts.refinements.sum(axis=0)[:-1])
+    probe.count_levels("fruitless_refinements", (counts.refinements - counts.fruitful).sum(axis=0)[:-1])
     probe.count("float64_sample_tests", counts.retries.sum())
     per_triangle = np.zeros(n_triangles, np.int64)
     at_root = int(tree.occupied[0] != 0)

@@ -93,6 +93,7 @@ def _finish_node(nodes, leaves, samples, frusta, groups, rules, jobs, depth, sha
                                                        at, candidates)
                 met &= ~outside_group_planes(groups, first, nodes, n_chunks, at, LANES, at, at, met)
                 if counts is not None:
+                    counts.visits[top] += 1
                     counts.group_tests[top] += count_bits(candidates)
                     counts.job_visits[job] += 1
                     counts.job_tests[job] += count_bits(candidates)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shadowbench.jit import kernel, parallel_kernel, prange
-from shadowbench.kernels.vectors import corner, dot, item, minus, vector
+from shadowbench.kernels.vectors import corner, dot, item, minus
 
 N_WORKERS = 64
 """Parts that triangles are cut into."""

@@ -162,7 +162,7 @@ def needed_members(groups, needed):
     -------
     int64, which of the grouped frusta belong to these groups; and the groups with places among these alone.
     """
-    lengths, first = np.diff(groups.first), groups.first - groups.first[0]
+    lengths = np.diff(groups.first)
     kept = np.zeros(len(lengths), np.bool_)
     kept[needed] = True
     members = np.flatnonzero(np.repeat(kept, lengths))

@@ -218,8 +218,8 @@ def _frusta_part(corners, sides, view, eye_edges, wedge_planes, frusta, worker):
             n_chosen += (faces >> EDGES[edge, 2] ^ faces >> EDGES[edge, 3]) & 1
         for row in range(min(n_chosen, N_EYE_PLANES)):
             edge = chosen[row]
-            store_row(rows, first + EYE_ROW + row,
-                      eye_plane(item(directions, EDGES[edge, 0]), item(directions, EDGES[edge, 1]), generators, growth, space))
+            g, h = item(directions, EDGES[edge, 0]), item(directions, EDGES[edge, 1])
+            store_row(rows, first + EYE_ROW + row, eye_plane(g, h, generators, growth, space))
 
 
 @parallel_kernel

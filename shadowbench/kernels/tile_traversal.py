@@ -165,6 +165,7 @@ def _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts):
             counts.refinements[worker, 0] += n_stacked
             counts.accepts[worker, 0] += 1 - n_stacked
         first = k * ROW_SIZE
+        fruitful = np.uint64(0)      # a bit per level: its latest node has been counted; levels above hold the ancestors
         while n_stacked > 0:
             n_stacked -= 1
             index, row, column = _unpack(stack[n_stacked])
@@ -210,6 +211,13 @@ def _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts):
                     stack[n_stacked] = _pack(index + 1, child_row + lane // level.grid_x,
                                              child_column + lane % level.grid_x)
                     n_stacked += 1
+            if counts is not None:
+                fruitful &= (np.uint64(1) << np.uint64(index)) - np.uint64(1)
+                above = index if closed != 0 else 0
+                while above > 0 and fruitful >> np.uint64(above) & np.uint64(1) == 0:
+                    fruitful |= np.uint64(1) << np.uint64(above)
+                    above -= 1
+                    counts.fruitful[worker, above] += 1
             if planes.skip_shadowed and closed != 0:
                 shadow.open[node] = candidates & ~closed
                 if candidates == closed:
