@@ -1,0 +1,303 @@
+"""Traversal of a kd-tree by shadow rays, from the light to the sample, until any triangle shadows the sample.
+
+Three traversals visit the same leaves in the same order:
+
+``stack``       the far child of a node whose two children the ray meets waits on a stack.
+``restart``     no stack (Foley and Sugerman 2005): after each leaf, descend again from the root.
+``short_stack`` (Horn et al. 2007): a stack of `SHORT_STACK` entries, of which a push on a full one drops the oldest;
+                when it runs empty, descend again, from the deepest node that holds the whole rest of the ray
+                ("push-down").
+
+**Restarts.** The papers restart with the ray's interval beginning where the last leaf ended. Cells here are widened, so
+the intervals of two children overlap, and such a restart could lose a leaf that is met in an overlap alone. Instead a
+bit per level notes where the far child is still to be visited, and another where it is being visited (Laine: "Restart
+Trail for Stackless BVH Traversal", 2010).
+
+**Conservative steps.** A ray is ``origin + t (target - origin)``, 0 <= t <= 1, in grid units. A plane at s is met at
+t = (s - origin) / direction; the near child is entered if the ray's interval starts before t + m / |direction|, the
+far one if it ends after t - m / |direction|, where m is `shadow_rays.MARGIN`, plus what the rounding of a far light or
+eye adds. So a ray visits each leaf whose cell it passes within m, less the rounding of t. A triangle that shadows the
+sample by the test of `shadow_rays`, if not loose, is met within one unit by the ray, at a distance of at least the bias (less
+that unit) from the sample; the ray's end is drawn back accordingly, so that rays leave most surfaces untested that
+they end on.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.kernels.kdtree_build import LEAF, MAX_DEPTH
+from shadowbench.kernels.shadow_rays import FAR_ROUNDING, MARGIN, N_WORKERS, is_shadowed_by
+
+SHORT_STACK = 4
+"""Entries of the short stack (Horn et al. 2007 find 3 to 5 enough)."""
+
+TILE = 8
+"""Side of the blocks of samples that are traced one after the other: neighbouring rays use the same nodes."""
+
+_SMALLEST = 2.0**-40
+"""Components of a direction below this, in grid units over the whole ray, are set to it: far below `MARGIN`."""
+
+
+_ROOT_BIT = np.int64(1) << np.int64(62)
+
+
+class RayCounts(NamedTuple):
+    """What each ray did, int32 (n_samples,).
+
+    Attributes
+    ----------
+    nodes : inner nodes visited, repeated visits included.
+    leaves : leaves visited.
+    tests : ray-triangle tests.
+    """
+
+    nodes: np.ndarray
+    leaves: np.ndarray
+    tests: np.ndarray
+
+
+def empty_counts(n_samples):
+    """Make counts that are all zero."""
+    return RayCounts(*(np.zeros(n_samples, np.int32) for _ in range(3)))
+
+
+class _Grid(NamedTuple):
+    """The rays' frame in grid units.
+
+    Attributes
+    ----------
+    origin : float64 (3,), origin of the rays' targets.
+    parallel : True for a directional light.
+    travel : float64 (3,), from a directional light's starting points to the targets.
+    scale : grid units per world unit.
+    margin : widening of cells.
+    stop : distance from the sample within which nothing can shadow it.
+    """
+
+    origin: np.ndarray
+    parallel: bool
+    travel: np.ndarray
+    scale: float
+    margin: float
+    stop: float
+
+
+class _Ray(NamedTuple):
+    """Scratch of one worker.
+
+    Attributes
+    ----------
+    axis : float64 (9,), per axis: origin, 1 / direction, margin / direction.
+    node, near, far : int64 and float64 (MAX_DEPTH + 1,), the stack: nodes and the ends of their intervals.
+    bit : int64 (MAX_DEPTH + 1,), bits of the levels of the nodes on the stack.
+    """
+
+    axis: np.ndarray
+    node: np.ndarray
+    near: np.ndarray
+    far: np.ndarray
+    bit: np.ndarray
+
+
+def trace(tree, rays, traced, start, traversal, columns, shadow, counts=None):
+    """Trace shadow rays.
+
+    Parameters
+    ----------
+    tree : `KdTree` of the mesh.
+    rays : `ShadowRays`.
+    traced : bool (n_samples,), the samples to trace a ray for.
+    start : float64 (n_samples,), where each ray starts, as a share of the way from light to sample (for a
+        directional light: of the last `fade_length` of it), or None for the whole way.
+    traversal : ``stack``, ``short_stack`` or ``restart``.
+    columns : samples in a row.
+    shadow : float32 (n_samples,), set to 1 for samples in shadow, else left alone.
+    counts : `RayCounts`, increased, or None.
+    """
+    origin = (rays.origin - tree.base) * tree.scale
+    reach = rays.reach * tree.scale
+    grid = _Grid(origin, bool(rays.travel.any()), rays.travel * parallel_length(rays) * tree.scale, tree.scale, MARGIN + FAR_ROUNDING * reach,
+                 rays.bias * tree.scale)
+    n_stack = {"stack": MAX_DEPTH + 1, "short_stack": SHORT_STACK, "restart": 0}[traversal]
+    _trace_all(tree, rays, grid, traced, start, n_stack, columns, shadow, counts)
+
+
+def parallel_length(rays):
+    """Length of a directional light's rays, world units: from outside the scene to any sample."""
+    return 2.0 * rays.reach
+
+
+@parallel_kernel
+def _trace_all(tree, rays, grid, traced, start, n_stack, columns, shadow, counts):
+    for worker in prange(N_WORKERS):
+        _trace_part(tree, rays, grid, traced, start, n_stack, columns, shadow, counts, worker)
+
+
+@kernel
+def _trace_part(tree, rays, grid, traced, start, n_stack, columns, shadow, counts, worker):
+    """Trace the rays of one worker's share of the tiles."""
+    ray = _Ray(np.empty(9), np.empty(MAX_DEPTH + 1, np.int64), np.empty(MAX_DEPTH + 1), np.empty(MAX_DEPTH + 1),
+               np.empty(MAX_DEPTH + 1, np.int64))
+    rows = len(traced) // columns
+    tile_columns, tile_rows = (columns + TILE - 1) // TILE, (rows + TILE - 1) // TILE
+    n_tiles = tile_columns * tile_rows
+    for tile in range(n_tiles * worker // N_WORKERS, n_tiles * (worker + 1) // N_WORKERS):
+        first_row, first_column = tile // tile_columns * TILE, tile % tile_columns * TILE
+        for row in range(first_row, min(first_row + TILE, rows)):
+            for column in range(first_column, min(first_column + TILE, columns)):
+                i = row * columns + column
+                if traced[i]:
+                    begin = 0.0
+                    if start is not None:
+                        begin = start[i]
+                    begin, end = _set_up_ray(tree, rays.target, grid, i, begin, ray.axis)
+                    x, y, r = rays.plane_x[i], rays.plane_y[i], 1.0 / rays.depth[i]
+                    if n_stack > MAX_DEPTH:
+                        hit = _walk(tree, rays.rows, ray, begin, end, x, y, r, i, counts)
+                    else:
+                        hit = _walk_again(tree, rays.rows, ray, n_stack, begin, end, x, y, r, i, counts)
+                    if hit or _hits_loose(rays, x, y, r, i, counts):
+                        shadow[i] = 1.0
+
+
+@kernel
+def _hits_loose(rays, x, y, r, i, counts):
+    """Test a sample against the triangles that the tree is no guide to."""
+    for t in rays.loose:
+        if counts is not None:
+            counts.tests[i] += 1
+        if is_shadowed_by(rays.rows, t, x, y, r):
+            return True
+    return False
+
+
+@kernel
+def _set_up_ray(tree, target, grid, i, begin, axis):
+    """Fill in a ray's terms per axis and clip it to the root's cell.
+
+    Returns
+    -------
+    Begin and end of its interval; the begin lies after the end if it misses the cell.
+    """
+    length, end = 0.0, 1.0
+    for k in range(3):
+        here = target[i, k] * grid.scale
+        direction, origin = here, grid.origin[k]
+        if grid.parallel:
+            direction, origin = grid.travel[k], grid.origin[k] + here - grid.travel[k]
+        length += direction * direction
+        if abs(direction) < _SMALLEST:
+            direction = _SMALLEST
+        inverse = 1.0 / direction
+        first, last = (-grid.margin - origin) * inverse, (tree.high[k] + grid.margin - origin) * inverse
+        begin, end = max(begin, min(first, last)), min(end, max(first, last))
+        axis[k], axis[3 + k], axis[6 + k] = origin, inverse, grid.margin * abs(inverse)
+    if grid.stop > grid.margin:
+        end = min(end, 1.0 - (grid.stop - grid.margin) / np.sqrt(length))
+    return begin, end
+
+
+@kernel
+def _hits_leaf(tree, rows, node, x, y, r, i, counts):
+    """Test a sample against the triangles of a leaf, until one shadows it."""
+    first = tree.nodes[2 * node]
+    for k in range(first, first + (tree.nodes[2 * node + 1] >> 2)):
+        if counts is not None:
+            counts.tests[i] += 1
+        if is_shadowed_by(rows, tree.references[k], x, y, r):
+            return True
+    return False
+
+
+@kernel
+def _walk(tree, rows, ray, begin, end, x, y, r, i, counts):
+    """Visit the leaves along a ray with a stack; True at the first triangle that shadows the sample."""
+    if begin > end:
+        return False
+    node = n_stack = 0
+    nodes, planes = tree.nodes, tree.planes
+    while True:
+        link = nodes[2 * node + 1]
+        axis = link & 3
+        while axis != LEAF:
+            if counts is not None:
+                counts.nodes[i] += 1
+            inverse, slack = ray.axis[3 + axis], ray.axis[6 + axis]
+            t = (planes[2 * node] - ray.axis[axis]) * inverse
+            near, far = node + 1, np.int64(link >> 2)
+            if inverse < 0.0:
+                near, far = far, near
+            if begin <= t + slack:
+                if t - slack <= end:
+                    ray.node[n_stack], ray.near[n_stack], ray.far[n_stack] = far, max(begin, t - slack), end
+                    n_stack += 1
+                node, end = near, min(end, t + slack)
+            else:
+                node, begin = far, max(begin, t - slack)
+            link = nodes[2 * node + 1]
+            axis = link & 3
+        if counts is not None:
+            counts.leaves[i] += 1
+        if _hits_leaf(tree, rows, node, x, y, r, i, counts):
+            return True
+        if n_stack == 0:
+            return False
+        n_stack -= 1
+        node, begin, end = ray.node[n_stack], ray.near[n_stack], ray.far[n_stack]
+
+
+@kernel
+def _walk_again(tree, rows, ray, room, begin, end, x, y, r, i, counts):
+    """Visit the same leaves with a stack of `room` entries, or none, and restarts."""
+    if begin > end:
+        return False
+    # Bits of the levels where the far child is still to be visited, and where it is being visited; the root's is highest
+    waiting = going_far = np.int64(0)
+    n_stack = top = 0
+    node, bit = 0, _ROOT_BIT
+    root, root_bit, root_begin, root_end, alone = node, bit, begin, end, room > 0
+    nodes, planes = tree.nodes, tree.planes
+    while True:
+        link = nodes[2 * node + 1]
+        axis = link & 3
+        while axis != LEAF:
+            if counts is not None:
+                counts.nodes[i] += 1
+            inverse, slack = ray.axis[3 + axis], ray.axis[6 + axis]
+            t = (planes[2 * node] - ray.axis[axis]) * inverse
+            near, far = node + 1, np.int64(link >> 2)
+            if inverse < 0.0:
+                near, far = far, near
+            if begin > t + slack or (going_far & bit) != 0:
+                node, begin = far, max(begin, t - slack)
+            else:
+                if t - slack <= end:
+                    waiting |= bit
+                    alone = False
+                    if room > 0:
+                        ray.node[top], ray.near[top], ray.far[top] = far, max(begin, t - slack), end
+                        ray.bit[top] = bit >> 1
+                        top, n_stack = (top + 1) % room, min(n_stack + 1, room)
+                node, end = near, min(end, t + slack)
+            bit >>= 1
+            if alone:
+                root, root_bit, root_begin, root_end = node, bit, begin, end
+            link = nodes[2 * node + 1]
+            axis = link & 3
+        if counts is not None:
+            counts.leaves[i] += 1
+        if _hits_leaf(tree, rows, node, x, y, r, i, counts):
+            return True
+        if waiting == 0:
+            return False
+        # The deepest far child that waits is next
+        bit = waiting & -waiting
+        waiting ^= bit
+        going_far = (going_far & -bit) | bit
+        if n_stack > 0:
+            top, n_stack = (top + room - 1) % room, n_stack - 1
+            node, begin, end, bit = ray.node[top], ray.near[top], ray.far[top], ray.bit[top]
+        else:
+            node, bit, begin, end, alone = root, root_bit, root_begin, root_end, room > 0
