@@ -27,6 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.kernels.elements import get, increment, put
 from shadowbench.kernels.kdtree_build import LEAF, MAX_DEPTH
 from shadowbench.kernels.shadow_rays import FAR_ROUNDING, MARGIN, N_WORKERS, is_shadowed_by
 
@@ -56,6 +57,13 @@ class RayCounts(NamedTuple):
     nodes: np.ndarray
     leaves: np.ndarray
     tests: np.ndarray
+
+
+class Start(NamedTuple):
+    """Where rays start: float64 (n_samples,), as a share of the way from the light to the sample, whose length is
+    `parallel_length` for a directional light."""
+
+    share: np.ndarray
 
 
 def empty_counts(n_samples):
@@ -109,8 +117,7 @@ def trace(tree, rays, traced, start, traversal, columns, shadow, counts=None):
     tree : `KdTree` of the mesh.
     rays : `ShadowRays`.
     traced : bool (n_samples,), the samples to trace a ray for.
-    start : float64 (n_samples,), where each ray starts, as a share of the way from light to sample (for a
-        directional light: of the last `fade_length` of it), or None for the whole way.
+    start : `Start`, or None to trace the whole way.
     traversal : ``stack``, ``short_stack`` or ``restart``.
     columns : samples in a row.
     shadow : float32 (n_samples,), set to 1 for samples in shadow, else left alone.
@@ -140,7 +147,8 @@ def _trace_part(tree, rays, grid, traced, start, n_stack, columns, shadow, count
     """Trace the rays of one worker's share of the tiles."""
     ray = _Ray(np.empty(9), np.empty(MAX_DEPTH + 1, np.int64), np.empty(MAX_DEPTH + 1), np.empty(MAX_DEPTH + 1),
                np.empty(MAX_DEPTH + 1, np.int64))
-    rows = len(traced) // columns
+    plane_x, plane_y, depth, rows = rays.plane_x, rays.plane_y, rays.depth, len(traced) // columns
+    n_loose = len(rays.loose)
     tile_columns, tile_rows = (columns + TILE - 1) // TILE, (rows + TILE - 1) // TILE
     n_tiles = tile_columns * tile_rows
     for tile in range(n_tiles * worker // N_WORKERS, n_tiles * (worker + 1) // N_WORKERS):
@@ -151,30 +159,31 @@ def _trace_part(tree, rays, grid, traced, start, n_stack, columns, shadow, count
                 if traced[i]:
                     begin = 0.0
                     if start is not None:
-                        begin = start[i]
-                    begin, end = _set_up_ray(tree, rays.target, grid, i, begin, ray.axis)
-                    x, y, r = rays.plane_x[i], rays.plane_y[i], 1.0 / rays.depth[i]
+                        begin = get(start, "share", i)
+                    begin, end = _set_up_ray(tree, rays, grid, i, begin, ray)
+                    x, y, r = plane_x[i], plane_y[i], 1.0 / depth[i]
                     if n_stack > MAX_DEPTH:
-                        hit = _walk(tree, rays.rows, ray, begin, end, x, y, r, i, counts)
+                        hit = _walk(tree, rays, ray, begin, end, x, y, r, i, counts)
                     else:
-                        hit = _walk_again(tree, rays.rows, ray, n_stack, begin, end, x, y, r, i, counts)
-                    if hit or _hits_loose(rays, x, y, r, i, counts):
+                        hit = _walk_again(tree, rays, ray, n_stack, begin, end, x, y, r, i, counts)
+                    if hit or _hits_loose(rays, n_loose, x, y, r, i, counts):
                         shadow[i] = 1.0
 
 
 @kernel
-def _hits_loose(rays, x, y, r, i, counts):
+def _hits_loose(rays, n_loose, x, y, r, i, counts):
     """Test a sample against the triangles that the tree is no guide to."""
-    for t in rays.loose:
+    for k in range(n_loose):
+        t = get(rays, "loose", k)
         if counts is not None:
-            counts.tests[i] += 1
-        if is_shadowed_by(rays.rows, t, x, y, r):
+            increment(counts, "tests", i)
+        if is_shadowed_by(rays, t, x, y, r):
             return True
     return False
 
 
 @kernel
-def _set_up_ray(tree, target, grid, i, begin, axis):
+def _set_up_ray(tree, rays, grid, i, begin, ray):
     """Fill in a ray's terms per axis and clip it to the root's cell.
 
     Returns
@@ -183,73 +192,76 @@ def _set_up_ray(tree, target, grid, i, begin, axis):
     """
     length, end = 0.0, 1.0
     for k in range(3):
-        here = target[i, k] * grid.scale
-        direction, origin = here, grid.origin[k]
+        here = get(rays, "target", 3 * i + k) * grid.scale
+        direction, origin = here, get(grid, "origin", k)
         if grid.parallel:
-            direction, origin = grid.travel[k], grid.origin[k] + here - grid.travel[k]
+            direction, origin = get(grid, "travel", k), get(grid, "origin", k) + here - get(grid, "travel", k)
         length += direction * direction
         if abs(direction) < _SMALLEST:
             direction = _SMALLEST
         inverse = 1.0 / direction
-        first, last = (-grid.margin - origin) * inverse, (tree.high[k] + grid.margin - origin) * inverse
+        first, last = (-grid.margin - origin) * inverse, (get(tree, "high", k) + grid.margin - origin) * inverse
         begin, end = max(begin, min(first, last)), min(end, max(first, last))
-        axis[k], axis[3 + k], axis[6 + k] = origin, inverse, grid.margin * abs(inverse)
+        put(ray, "axis", k, origin)
+        put(ray, "axis", 3 + k, inverse)
+        put(ray, "axis", 6 + k, grid.margin * abs(inverse))
     if grid.stop > grid.margin:
         end = min(end, 1.0 - (grid.stop - grid.margin) / np.sqrt(length))
     return begin, end
 
 
 @kernel
-def _hits_leaf(tree, rows, node, x, y, r, i, counts):
+def _hits_leaf(tree, rays, node, x, y, r, i, counts):
     """Test a sample against the triangles of a leaf, until one shadows it."""
-    first = tree.nodes[2 * node]
-    for k in range(first, first + (tree.nodes[2 * node + 1] >> 2)):
+    first = np.int64(get(tree, "nodes", 2 * node))
+    for k in range(first, first + (get(tree, "nodes", 2 * node + 1) >> 2)):
         if counts is not None:
-            counts.tests[i] += 1
-        if is_shadowed_by(rows, tree.references[k], x, y, r):
+            increment(counts, "tests", i)
+        if is_shadowed_by(rays, np.int64(get(tree, "references", k)), x, y, r):
             return True
     return False
 
 
 @kernel
-def _walk(tree, rows, ray, begin, end, x, y, r, i, counts):
+def _walk(tree, rays, ray, begin, end, x, y, r, i, counts):
     """Visit the leaves along a ray with a stack; True at the first triangle that shadows the sample."""
     if begin > end:
         return False
     node = n_stack = 0
-    nodes, planes = tree.nodes, tree.planes
     while True:
-        link = nodes[2 * node + 1]
+        link = np.int64(get(tree, "nodes", 2 * node + 1))
         axis = link & 3
         while axis != LEAF:
             if counts is not None:
-                counts.nodes[i] += 1
-            inverse, slack = ray.axis[3 + axis], ray.axis[6 + axis]
-            t = (planes[2 * node] - ray.axis[axis]) * inverse
-            near, far = node + 1, np.int64(link >> 2)
+                increment(counts, "nodes", i)
+            inverse, slack = get(ray, "axis", 3 + axis), get(ray, "axis", 6 + axis)
+            t = (get(tree, "planes", 2 * node) - get(ray, "axis", axis)) * inverse
+            near, far = node + 1, link >> 2
             if inverse < 0.0:
                 near, far = far, near
             if begin <= t + slack:
                 if t - slack <= end:
-                    ray.node[n_stack], ray.near[n_stack], ray.far[n_stack] = far, max(begin, t - slack), end
+                    put(ray, "node", n_stack, far)
+                    put(ray, "near", n_stack, max(begin, t - slack))
+                    put(ray, "far", n_stack, end)
                     n_stack += 1
                 node, end = near, min(end, t + slack)
             else:
                 node, begin = far, max(begin, t - slack)
-            link = nodes[2 * node + 1]
+            link = np.int64(get(tree, "nodes", 2 * node + 1))
             axis = link & 3
         if counts is not None:
-            counts.leaves[i] += 1
-        if _hits_leaf(tree, rows, node, x, y, r, i, counts):
+            increment(counts, "leaves", i)
+        if _hits_leaf(tree, rays, node, x, y, r, i, counts):
             return True
         if n_stack == 0:
             return False
         n_stack -= 1
-        node, begin, end = ray.node[n_stack], ray.near[n_stack], ray.far[n_stack]
+        node, begin, end = get(ray, "node", n_stack), get(ray, "near", n_stack), get(ray, "far", n_stack)
 
 
 @kernel
-def _walk_again(tree, rows, ray, room, begin, end, x, y, r, i, counts):
+def _walk_again(tree, rays, ray, room, begin, end, x, y, r, i, counts):
     """Visit the same leaves with a stack of `room` entries, or none, and restarts."""
     if begin > end:
         return False
@@ -258,16 +270,15 @@ def _walk_again(tree, rows, ray, room, begin, end, x, y, r, i, counts):
     n_stack = top = 0
     node, bit = 0, _ROOT_BIT
     root, root_bit, root_begin, root_end, alone = node, bit, begin, end, room > 0
-    nodes, planes = tree.nodes, tree.planes
     while True:
-        link = nodes[2 * node + 1]
+        link = np.int64(get(tree, "nodes", 2 * node + 1))
         axis = link & 3
         while axis != LEAF:
             if counts is not None:
-                counts.nodes[i] += 1
-            inverse, slack = ray.axis[3 + axis], ray.axis[6 + axis]
-            t = (planes[2 * node] - ray.axis[axis]) * inverse
-            near, far = node + 1, np.int64(link >> 2)
+                increment(counts, "nodes", i)
+            inverse, slack = get(ray, "axis", 3 + axis), get(ray, "axis", 6 + axis)
+            t = (get(tree, "planes", 2 * node) - get(ray, "axis", axis)) * inverse
+            near, far = node + 1, link >> 2
             if inverse < 0.0:
                 near, far = far, near
             if begin > t + slack or (going_far & bit) != 0:
@@ -277,18 +288,20 @@ def _walk_again(tree, rows, ray, room, begin, end, x, y, r, i, counts):
                     waiting |= bit
                     alone = False
                     if room > 0:
-                        ray.node[top], ray.near[top], ray.far[top] = far, max(begin, t - slack), end
-                        ray.bit[top] = bit >> 1
+                        put(ray, "node", top, far)
+                        put(ray, "near", top, max(begin, t - slack))
+                        put(ray, "far", top, end)
+                        put(ray, "bit", top, bit >> 1)
                         top, n_stack = (top + 1) % room, min(n_stack + 1, room)
                 node, end = near, min(end, t + slack)
             bit >>= 1
             if alone:
                 root, root_bit, root_begin, root_end = node, bit, begin, end
-            link = nodes[2 * node + 1]
+            link = np.int64(get(tree, "nodes", 2 * node + 1))
             axis = link & 3
         if counts is not None:
-            counts.leaves[i] += 1
-        if _hits_leaf(tree, rows, node, x, y, r, i, counts):
+            increment(counts, "leaves", i)
+        if _hits_leaf(tree, rays, node, x, y, r, i, counts):
             return True
         if waiting == 0:
             return False
@@ -298,6 +311,6 @@ def _walk_again(tree, rows, ray, room, begin, end, x, y, r, i, counts):
         going_far = (going_far & -bit) | bit
         if n_stack > 0:
             top, n_stack = (top + room - 1) % room, n_stack - 1
-            node, begin, end, bit = ray.node[top], ray.near[top], ray.far[top], ray.bit[top]
+            node, begin, end, bit = get(ray, "node", top), get(ray, "near", top), get(ray, "far", top), get(ray, "bit", top)
         else:
             node, bit, begin, end, alone = root, root_bit, root_begin, root_end, room > 0

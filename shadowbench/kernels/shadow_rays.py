@@ -19,8 +19,12 @@ this may exceed one grid unit: seen almost edge-on, or needles. Every ray is tes
 from typing import NamedTuple
 
 import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
 
 from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.kernels.elements import pointer
 from shadowbench.kernels.kdtree_clip import GRID
 from shadowbench.kernels.shadow_frustum import View, find_facing, make_frusta
 from shadowbench.kernels.vectors import corner, cross, dot, minus
@@ -158,10 +162,40 @@ def _find_targets(eye, right, up, forward, origin, samples, target):
         _targets_part(eye, right, up, forward, origin, samples, target, worker)
 
 
-@kernel
-def is_shadowed_by(rows, t, x, y, r):
-    """Tell whether a sample is in the shadow frustum of triangle t."""
-    for plane in range(3):
-        if rows[t, plane] * x + (rows[t, 4 + plane] * y + rows[t, 8 + plane]) + rows[t, 12 + plane] * r > 0.0:
-            return False
-    return rows[t, 3] * x + (rows[t, 7] * y + rows[t, 11]) + rows[t, 15] * r < 0.0
+_FOUR = ir.VectorType(ir.DoubleType(), 4)
+_SMALLEST_DOUBLE = 5e-324
+
+
+@intrinsic
+def is_shadowed_by(typing_context, rays, t, x, y, r):
+    """Tell whether a sample is in the shadow frustum of triangle t: all four planes at once.
+
+    The sample is outside where a side plane's value is above zero, or the cap plane's at or above it, that is, above
+    the largest number below zero.
+    """
+    def codegen(context, builder, signature, args):
+        record, t, *coordinates = args
+        rows = pointer(context, builder, signature.args[0], record, "rows")
+        first = builder.mul(t, ir.Constant(t.type, ROW_SIZE))
+        x, y, r = (_splat(builder, value) for value in coordinates)
+        a, b, d, c = (_load(builder, rows, builder.add(first, ir.Constant(t.type, 4 * k))) for k in range(4))
+        value = builder.fadd(builder.fadd(builder.fmul(a, x), builder.fadd(builder.fmul(b, y), d)), builder.fmul(c, r))
+        outside = builder.fcmp_ordered(">", value, ir.Constant(_FOUR, [0.0, 0.0, 0.0, -_SMALLEST_DOUBLE]))
+        mask = builder.bitcast(outside, ir.IntType(4))
+        return builder.icmp_unsigned("==", mask, ir.Constant(ir.IntType(4), 0))
+
+    return types.boolean(rays, types.int64, types.float64, types.float64, types.float64), codegen
+
+
+def _splat(builder, scalar):
+    """Copy a scalar to all lanes."""
+    empty = ir.Constant(_FOUR, ir.Undefined)
+    vector = builder.insert_element(empty, scalar, ir.Constant(ir.IntType(32), 0))
+    return builder.shuffle_vector(vector, empty, ir.Constant(ir.VectorType(ir.IntType(32), 4), [0] * 4))
+
+
+def _load(builder, data, offset):
+    """Load four values, aligned like one."""
+    vector = builder.load(builder.bitcast(builder.gep(data, [offset]), _FOUR.as_pointer()))
+    vector.align = 8
+    return vector
