@@ -43,6 +43,8 @@ LEAF = 3
 """Value of the two axis bits that marks a leaf."""
 
 _LEFT, _RIGHT, _BOTH = 0, 1, 2
+_BOX, _DEPTH, _PARENT, _N_PIECES = 6, 12, 13, 14     # columns of the stack of nodes to build
+_FEW = 24       # values up to which insertion beats a general sort
 
 
 class KdTree(NamedTuple):
@@ -95,7 +97,7 @@ def build_kdtree(corners):
     high = np.ceil(grid_corners.max(axis=1, initial=0.0)).astype(np.int64)
     events = [_sorted_events(low[:, axis], high[:, axis]) for axis in range(3)]
     top = high.max(axis=0, initial=0)
-    nodes, references = _build(grid_corners, top, events[0], events[1], events[2])
+    nodes, references = _build(grid_corners, top, (events[0], events[1], events[2]))
     return KdTree(base, scale, top.astype(np.float64), nodes, nodes.view(np.float32), references)
 
 
@@ -159,124 +161,156 @@ def _add_events(new, n_new, bounds, piece):
 
 
 @kernel
-def _sift(events, first, end, wanted, side, new, n_new, out):
-    """Merge a node's events of one side with sorted new ones; returns how many there are."""
-    n_out = k = 0
-    for i in range(first, end):
-        key = events[i]
-        if side[key & PIECE_MASK] == wanted:
-            while k < n_new and new[k] < key:
-                out[n_out] = new[k]
-                n_out += 1
-                k += 1
-            out[n_out] = key
-            n_out += 1
-    while k < n_new:
-        out[n_out] = new[k]
-        n_out += 1
-        k += 1
-    return n_out
+def _sort_few(values, n):
+    """Sort the first values of an array: by insertion where they are few, as they nearly always are."""
+    if n > _FEW:
+        values[:n].sort()
+        return
+    for i in range(1, n):
+        value, k = values[i], i
+        while k > 0 and values[k - 1] > value:
+            values[k] = values[k - 1]
+            k -= 1
+        values[k] = value
 
 
 @kernel
-def _split_axis(events, first, end, side, new_left, n_new_left, new_right, n_new_right, scratch):
+def _split_axis(events, first, end, side, new_left, new_right, n_new, left, right):
     """Replace a node's events at the top of one axis' stack by those of its right child, then those of its left one.
+
+    Parameters
+    ----------
+    new_left, new_right, n_new : events of clipped pieces, to be sorted and merged in, and their numbers.
+    left, right : scratch.
 
     Returns
     -------
     The stack, which may have grown, and the first event and the one after the last of the left child.
     """
+    n_new_left, n_new_right = n_new
     events = _room(events, end, n_new_left + n_new_right)
-    new_left[:n_new_left].sort()
-    new_right[:n_new_right].sort()
-    n_left = _sift(events, first, end, _LEFT, side, new_left, n_new_left, scratch[0])
-    n_right = _sift(events, first, end, _RIGHT, side, new_right, n_new_right, scratch[1])
-    events[first:first + n_right] = scratch[1, :n_right]
-    events[first + n_right:first + n_right + n_left] = scratch[0, :n_left]
+    _sort_few(new_left, n_new_left)
+    _sort_few(new_right, n_new_right)
+    n_left = n_right = i_left = i_right = 0
+    for i in range(first, end):
+        key = events[i]
+        where = side[key & PIECE_MASK]
+        if where == _LEFT:
+            while i_left < n_new_left and new_left[i_left] < key:
+                left[n_left] = new_left[i_left]
+                n_left += 1
+                i_left += 1
+            left[n_left] = key
+            n_left += 1
+        elif where == _RIGHT:
+            while i_right < n_new_right and new_right[i_right] < key:
+                right[n_right] = new_right[i_right]
+                n_right += 1
+                i_right += 1
+            right[n_right] = key
+            n_right += 1
+    for i in range(i_left, n_new_left):
+        left[n_left] = new_left[i]
+        n_left += 1
+    for i in range(i_right, n_new_right):
+        right[n_right] = new_right[i]
+        n_right += 1
+    for i in range(n_right):
+        events[first + i] = right[i]
+    for i in range(n_left):
+        events[first + n_right + i] = left[i]
     return events, first + n_right, first + n_right + n_left
 
 
 @kernel
-def _build(corners, top, events_x, events_y, events_z):
-    """Build all nodes, depth first; returns nodes and references."""
-    n_triangles = len(corners)
+def _clip_straddling(corners, straddling, n_both, triangle, n_pieces, work, new_left, new_right, n_new):
+    """Clip the pieces on both sides of a split to both children, and make their events.
+
+    The part on the left keeps the piece's number, the part on the right becomes a new piece.
+
+    Returns
+    -------
+    The number of pieces, and how many of them are new on the left and on the right.
+    """
+    n_left = n_right = 0
+    n_new[:] = 0
+    for i in range(n_both):
+        piece = straddling[i]
+        t = triangle[piece]
+        if clipped_bounds(corners, t, work.left_box, work.polygon, work.clipped, work.bounds):
+            _add_events(new_left, n_new[0], work.bounds, piece)
+            n_left += 1
+        if clipped_bounds(corners, t, work.right_box, work.polygon, work.clipped, work.bounds):
+            triangle[n_pieces] = t
+            _add_events(new_right, n_new[1], work.bounds, n_pieces)
+            n_pieces += 1
+            n_right += 1
+    return n_pieces, n_left, n_right
+
+
+@kernel
+def _push(stack, place, span, box, depth, parent, n_pieces):
+    """Note a node that is to be built: its events, cell, level, parent (if it is a second child) and pieces."""
+    for axis in range(3):
+        stack[place, 2 * axis], stack[place, 2 * axis + 1] = span[axis]
+        stack[place, _BOX + axis], stack[place, _BOX + 3 + axis] = box[axis], box[3 + axis]
+    stack[place, _DEPTH], stack[place, _PARENT], stack[place, _N_PIECES] = depth, parent, n_pieces
+
+
+@kernel
+def _build(corners, top, events):
+    """Build all nodes, depth first, from the sorted events of each axis; returns nodes and references."""
+    n_pieces = len(corners)
     work = _Work(np.empty((MAX_CORNERS + 1, 3)), np.empty((MAX_CORNERS + 1, 3)), np.empty(6, np.int64),
                  np.empty(6, np.int64), np.empty(6, np.int64))
-    nodes, references = np.empty(8 * n_triangles + 2, np.int32), np.empty(4 * n_triangles + 1, np.int32)
-    planes = nodes.view(np.float32)
+    nodes, references = np.empty(8 * n_pieces + 2, np.int32), np.empty(4 * n_pieces + 1, np.int32)
     n_nodes = n_references = 0
     # Pieces: their triangle, and their side at the present split
-    triangle, n_pieces = np.arange(4 * n_triangles + 1).astype(np.int32), n_triangles
-    side = np.empty(len(triangle), np.int8)
-    # Nodes to build: first and end of their events on each axis, box, depth, parent whose second child they are
-    stack = np.empty((MAX_DEPTH + 2, 14), np.int64)
-    box = np.empty(6, np.int64)
-    for axis in range(3):
-        stack[0, 6 + axis], stack[0, 9 + axis] = 0, top[axis]
-        stack[0, 2 * axis] = 0
-    stack[0, 1], stack[0, 3], stack[0, 5] = len(events_x), len(events_y), len(events_z)
-    stack[0, 12], stack[0, 13] = 0, -1
+    triangle, side = np.arange(4 * n_pieces + 1).astype(np.int32), np.empty(4 * n_pieces + 1, np.int8)
+    stack, box, n_new = np.empty((MAX_DEPTH + 2, _N_PIECES + 1), np.int64), np.zeros(6, np.int64), np.zeros((2, 3), np.int64)
+    left, right = np.empty(1, np.int64), np.empty(1, np.int64)
+    box[3:] = top
+    _push(stack, 0, ((0, len(events[0])), (0, len(events[1])), (0, len(events[2]))), box, 0, -1, n_pieces)
     n_stack = 1
     while n_stack > 0:
         n_stack -= 1
-        x0, x1, y0, y1, z0, z1 = stack[n_stack, :6]
-        box[:] = stack[n_stack, 6:12]
-        depth, parent = stack[n_stack, 12], stack[n_stack, 13]
-        nodes = _room(nodes, 2 * n_nodes, 2)
-        planes = nodes.view(np.float32)
-        if parent >= 0:
-            nodes[2 * parent + 1] |= n_nodes << 2
-        node, n_nodes = n_nodes, n_nodes + 1
-        n_here = 0
-        for i in range(x0, x1):
-            n_here += (events_x[i] >> PIECE_BITS) & 3 != END
+        task = stack[n_stack].copy()
+        n_here, box = task[_N_PIECES], task[_BOX:_BOX + 6]
+        if task[_PARENT] >= 0:
+            nodes[2 * task[_PARENT] + 1] |= n_nodes << 2
+        nodes, node, n_nodes = _room(nodes, 2 * n_nodes, 2), n_nodes, n_nodes + 1
         axis, position, planar_left = -1, 0, False
-        if depth < MAX_DEPTH:
-            axis, position, planar_left = find_split(n_here, box, events_x[x0:x1], events_y[y0:y1], events_z[z0:z1])
+        if task[_DEPTH] < MAX_DEPTH:
+            axis, position, planar_left = find_split(n_here, box, events[0][task[0]:task[1]], events[1][task[2]:task[3]],
+                                                     events[2][task[4]:task[5]])
         if axis < 0:
             nodes[2 * node], nodes[2 * node + 1] = n_references, LEAF + 4 * n_here
             references = _room(references, n_references, n_here)
-            for i in range(x0, x1):
-                if (events_x[i] >> PIECE_BITS) & 3 != END:
-                    references[n_references] = triangle[events_x[i] & PIECE_MASK]
+            for i in range(task[0], task[1]):
+                if (events[0][i] >> PIECE_BITS) & 3 != END:
+                    references[n_references] = triangle[events[0][i] & PIECE_MASK]
                     n_references += 1
             continue
-        planes[2 * node], nodes[2 * node + 1] = position, axis
+        nodes.view(np.float32)[2 * node], nodes[2 * node + 1] = position, axis
         # Sort out the pieces and clip those on both sides
         straddling = np.empty(n_here, np.int64)
-        if axis == 0:
-            _, _, n_both = _find_sides(events_x, x0, x1, position, planar_left, side, straddling)
-        elif axis == 1:
-            _, _, n_both = _find_sides(events_y, y0, y1, position, planar_left, side, straddling)
-        else:
-            _, _, n_both = _find_sides(events_z, z0, z1, position, planar_left, side, straddling)
+        n_left, n_right, n_both = _find_sides(events[axis], task[2 * axis], task[2 * axis + 1], position, planar_left, side,
+                                              straddling)
         work.left_box[:], work.right_box[:] = box, box
         work.left_box[3 + axis], work.right_box[axis] = position, position
         new_left, new_right = np.empty((3, 2 * n_both), np.int64), np.empty((3, 2 * n_both), np.int64)
-        n_new_left, n_new_right = np.zeros(3, np.int64), np.zeros(3, np.int64)
         triangle, side = _room(triangle, n_pieces, n_both), _room(side, n_pieces, n_both)
-        for i in range(n_both):
-            piece = straddling[i]
-            t = triangle[piece]
-            if clipped_bounds(corners, t, work.left_box, work.polygon, work.clipped, work.bounds):
-                _add_events(new_left, n_new_left, work.bounds, piece)
-            if clipped_bounds(corners, t, work.right_box, work.polygon, work.clipped, work.bounds):
-                triangle[n_pieces] = t
-                _add_events(new_right, n_new_right, work.bounds, n_pieces)
-                n_pieces += 1
-        scratch = np.empty((2, max(x1 - x0, y1 - y0, z1 - z0) + 2 * n_both), np.int64)
-        events_x, x_middle, x_end = _split_axis(events_x, x0, x1, side, new_left[0], n_new_left[0], new_right[0],
-                                                n_new_right[0], scratch)
-        events_y, y_middle, y_end = _split_axis(events_y, y0, y1, side, new_left[1], n_new_left[1], new_right[1],
-                                                n_new_right[1], scratch)
-        events_z, z_middle, z_end = _split_axis(events_z, z0, z1, side, new_left[2], n_new_left[2], new_right[2],
-                                                n_new_right[2], scratch)
-        # The right child waits below the left one
-        stack[n_stack, :6] = x0, x_middle, y0, y_middle, z0, z_middle
-        stack[n_stack, 6:12] = work.right_box
-        stack[n_stack, 12], stack[n_stack, 13] = depth + 1, node
-        stack[n_stack + 1, :6] = x_middle, x_end, y_middle, y_end, z_middle, z_end
-        stack[n_stack + 1, 6:12] = work.left_box
-        stack[n_stack + 1, 12], stack[n_stack + 1, 13] = depth + 1, -1
+        n_pieces, more_left, more_right = _clip_straddling(corners, straddling, n_both, triangle, n_pieces, work, new_left,
+                                                           new_right, n_new)
+        n_most = max(task[1] - task[0], task[3] - task[2], task[5] - task[4]) + 2 * n_both
+        left, right = _room(left, 0, n_most), _room(right, 0, n_most)
+        x, x1, x2 = _split_axis(events[0], task[0], task[1], side, new_left[0], new_right[0], n_new[:, 0], left, right)
+        y, y1, y2 = _split_axis(events[1], task[2], task[3], side, new_left[1], new_right[1], n_new[:, 1], left, right)
+        z, z1, z2 = _split_axis(events[2], task[4], task[5], side, new_left[2], new_right[2], n_new[:, 2], left, right)
+        events = (x, y, z)
+        # The second child waits below the first one
+        _push(stack, n_stack, ((task[0], x1), (task[2], y1), (task[4], z1)), work.right_box, task[_DEPTH] + 1, node,
+              n_right + more_right)
+        _push(stack, n_stack + 1, ((x1, x2), (y1, y2), (z1, z2)), work.left_box, task[_DEPTH] + 1, -1, n_left + more_left)
         n_stack += 2
     return nodes[:2 * n_nodes].copy(), references[:n_references].copy()
