@@ -24,9 +24,9 @@ from numba.core import types
 from numba.extending import intrinsic
 
 from shadowbench.jit import kernel, parallel_kernel, prange
-from shadowbench.kernels.elements import pointer
+from shadowbench.kernels.elements import get, pointer
 from shadowbench.kernels.kdtree_clip import GRID
-from shadowbench.kernels.shadow_frustum import View, find_facing, make_frusta
+from shadowbench.kernels.shadow_frustum import CAP_ROW, View, find_facing, make_frusta
 from shadowbench.kernels.vectors import corner, cross, dot, minus
 
 N_WORKERS = 64
@@ -54,6 +54,7 @@ class ShadowRays(NamedTuple):
     rows : float64 (n_triangles, ROW_SIZE), values a, b, d and c of each triangle's four planes; those of triangles
         that cast nothing are outside everywhere.
     loose : int64 (n_loose,), triangles to be tested against every ray.
+    sides : int8 (n_triangles,), from `find_facing`: zero for triangles that cast nothing.
     plane_x, plane_y, depth : float64 (n_samples,), the samples as the test sees them.
     target : float64 (n_samples, 3), the samples relative to `origin`, world axes.
     origin : float64 (3,), world: the light, or the scene's centre for a directional light.
@@ -64,6 +65,7 @@ class ShadowRays(NamedTuple):
 
     rows: np.ndarray
     loose: np.ndarray
+    sides: np.ndarray
     plane_x: np.ndarray
     plane_y: np.ndarray
     depth: np.ndarray
@@ -105,7 +107,7 @@ def make_shadow_rays(mesh_corners, bounds, camera, light, bias, samples):
     _fill_rows(mesh_corners, light, frusta, _LOOSE * near * GRID / max(largest, np.finfo(float).tiny), rows, loose)
     target = np.zeros((len(samples.depth), 3))
     _find_targets(*camera, origin, samples, target)
-    return ShadowRays(rows, np.flatnonzero(loose), samples.plane_x, samples.plane_y, samples.depth, target, origin,
+    return ShadowRays(rows, np.flatnonzero(loose), sides, samples.plane_x, samples.plane_y, samples.depth, target, origin,
                       travel, bias, near + _length(origin - centre))
 
 
@@ -160,6 +162,14 @@ def _targets_part(eye, right, up, forward, origin, samples, target, worker):
 def _find_targets(eye, right, up, forward, origin, samples, target):
     for worker in prange(N_WORKERS):
         _targets_part(eye, right, up, forward, origin, samples, target, worker)
+
+
+@kernel
+def is_behind(rays, t, x, y, r):
+    """Tell whether a sample is strictly inside the cap plane of triangle t."""
+    first = ROW_SIZE * t + CAP_ROW
+    return (get(rays, "rows", first) * x + (get(rays, "rows", first + 4) * y + get(rays, "rows", first + 8))
+            + get(rays, "rows", first + 12) * r) < 0.0
 
 
 _FOUR = ir.VectorType(ir.DoubleType(), 4)
