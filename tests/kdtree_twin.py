@@ -152,6 +152,7 @@ class Ray:
                     alone = False
                 root = level if alone else root
             self.leaves += 1
+            self.last_leaf_end = end
             first = int(self.tree.nodes[2 * node])
             for t in self.tree.references[first:first + (int(self.tree.nodes[2 * node + 1]) >> 2)]:
                 if self.test(t):
