@@ -25,7 +25,8 @@ from tests.kdtree_twin import Ray
 
 SEEDS = st.integers(0, 10**6)
 KINDS = st.sampled_from(["random", "grid", "slivers"])
-OPTIONS = st.builds(Params, resolution=st.sampled_from([1, 7, 64, 200]), projection=st.sampled_from(["auto", "spot", "cube"]),
+OPTIONS = st.builds(Params, resolution=st.sampled_from([1, 7, 64, 200]),
+                    projection=st.sampled_from(["auto", "spot", "cube"]),
                     raster=st.sampled_from(["discard", "polygon"]), layers=st.sampled_from([1, 2]),
                     self_shadow=st.sampled_from(["bias", "id"]))
 

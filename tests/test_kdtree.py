@@ -111,7 +111,8 @@ def test_every_point_of_every_triangle_is_in_a_leaf_that_refers_to_it(seed, kind
     for t, triangle in enumerate(corners):
         weights = np.concatenate([rng.dirichlet([0.5] * 3, 20), np.eye(3)])
         points = weights @ triangle
-        near = ((points[:, None] >= cells[:, :3] - CLIP_MARGIN) & (points[:, None] <= cells[:, 3:] + CLIP_MARGIN)).all(axis=2)
+        near = (points[:, None] >= cells[:, :3] - CLIP_MARGIN) & (points[:, None] <= cells[:, 3:] + CLIP_MARGIN)
+        near = near.all(axis=2)
         assert (near & refers[:, t]).any(axis=1).all()
 
 

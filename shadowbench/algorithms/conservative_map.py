@@ -77,7 +77,8 @@ class Params(AlgorithmParams):
     classify: bool = parameter(True, "trace uncertain samples alone; otherwise all lit candidates")
     shorten: bool = parameter(True, "start rays at the depth that the map holds; otherwise at the light")
     self_shadow: Literal["bias", "id"] = parameter(
-        "bias", "what keeps a surface from shadowing itself: the shared bias alone, or the triangle's id as well", paper="id")
+        "bias", "what keeps a surface from shadowing itself: the shared bias alone, or the triangle's id as well",
+        paper="id")
     traversal: Literal["stack", "short_stack", "restart"] = parameter(
         "stack", "how the far children along a ray are kept: on a stack, on one of four entries, or not at all",
         paper="restart")
@@ -129,7 +130,7 @@ class ConservativeMapMethod(Algorithm):
         with probe.stage("rays"):
             rays = make_shadow_rays(frame.mesh.corners, frame.mesh.bounds(), frame.camera[:4], frame.light.xyzw(),
                                     frame.bias, frame.samples)
-        samples, maps, target = self.classified(frame, rays, tree, probe)
+        samples, _, target = self.classified(frame, rays, tree, probe)
         shadow = (samples.kind == SHADOWED).astype(np.float32)
         counts = empty_counts(len(shadow)) if probe.counting else None
         with probe.stage("trace"):

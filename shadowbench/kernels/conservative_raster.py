@@ -23,7 +23,18 @@ from typing import NamedTuple
 import numpy as np
 
 from shadowbench.jit import kernel, parallel_kernel, prange
-from shadowbench.kernels.conservative_setup import BEHIND, BOUNDED, BOX, N_VALUES, POINTS, Face, nearest_depth, set_up
+from shadowbench.kernels.conservative_setup import (
+    BEHIND,
+    BOUNDED,
+    BOX,
+    N_VALUES,
+    POINTS,
+    Face,
+    Values,
+    nearest_depth,
+    set_up,
+)
+from shadowbench.kernels.elements import get
 
 __all__ = ["ConservativeMap", "Face", "RasterCounts", "empty_map", "rasterize_conservatively"]
 
@@ -174,8 +185,8 @@ def _draw_band(corners, rows, origin, face, layer, discard, target, counts, band
     for t in range(len(rows)):
         if rows[t, 0] < end_row and rows[t, 1] >= first_row:
             kind = set_up(corners, t, origin, face, values)
-            _draw(t, kind, max(rows[t, 0], first_row), min(rows[t, 1], end_row - 1), face, layer, discard, values, target,
-                  counts, band)
+            _draw(t, kind, max(rows[t, 0], first_row), min(rows[t, 1], end_row - 1), face, layer, discard, Values(values),
+                  target, counts, band)
 
 
 @kernel
@@ -189,11 +200,11 @@ def _columns(row, kind, discard, face, values):
         before, after = 0.5, -0.5
     first, last = 0, face.side - 1
     if kind == BOUNDED and not discard:
-        first = max(first, _clamped(np.ceil(values[BOX] / texel + face.middle - before), 0, face.side))
-        last = min(last, _clamped(values[BOX + 1] / texel + face.middle + after, -1, last))
+        first = max(first, _clamped(np.ceil(get(values, "data", BOX) / texel + face.middle - before), 0, face.side))
+        last = min(last, _clamped(get(values, "data", BOX + 1) / texel + face.middle + after, -1, last))
     for i in range(3):
-        a, b = values[4 * i], values[4 * i + 1]
-        rest = max(b * v_low, b * v_high) + values[4 * i + 2] + values[4 * i + 3]
+        a, b = get(values, "data", 4 * i), get(values, "data", 4 * i + 1)
+        rest = max(b * v_low, b * v_high) + get(values, "data", 4 * i + 2) + get(values, "data", 4 * i + 3)
         rest += grow * texel * np.sqrt(a * a + b * b)
         # The edge's value is largest at the right side of a texel if a > 0, else at its left side
         if a > 0.0:
@@ -210,17 +221,17 @@ def _is_far(u, v, limit, values):
     """True if a point is farther than `limit` from the triangle (sec. 4.1, with distances to edges, not lines)."""
     outside, near = False, limit * limit
     for i in range(3):
-        a, b = values[4 * i], values[4 * i + 1]
-        value, squared = a * u + b * v + values[4 * i + 2], a * a + b * b
-        du, dv = u - values[POINTS + 2 * i], v - values[POINTS + 2 * i + 1]
+        a, b = get(values, "data", 4 * i), get(values, "data", 4 * i + 1)
+        value, squared = a * u + b * v + get(values, "data", 4 * i + 2), a * a + b * b
+        du, dv = u - get(values, "data", POINTS + 2 * i), v - get(values, "data", POINTS + 2 * i + 1)
         if du * du + dv * dv <= near:
             return False
         if value < 0.0:
             outside = True
             # The foot point lies on the edge if it is past its start and before its end
             j = (i + 1) % 3
-            along_u, along_v = values[POINTS + 2 * j] - values[POINTS + 2 * i], (values[POINTS + 2 * j + 1]
-                                                                                 - values[POINTS + 2 * i + 1])
+            along_u = get(values, "data", POINTS + 2 * j) - get(values, "data", POINTS + 2 * i)
+            along_v = get(values, "data", POINTS + 2 * j + 1) - get(values, "data", POINTS + 2 * i + 1)
             foot = du * along_u + dv * along_v
             if 0.0 <= foot <= along_u * along_u + along_v * along_v and value * value <= near * squared:
                 return False
@@ -231,9 +242,9 @@ def _is_far(u, v, limit, values):
 def _covers(u_low, u_high, v_low, v_high, grow, values):
     """True if a rectangle lies inside all edges, by more than `grow` and the slack of each."""
     for i in range(3):
-        a, b = values[4 * i], values[4 * i + 1]
-        least = min(a * u_low, a * u_high) + min(b * v_low, b * v_high) + values[4 * i + 2]
-        if not least - values[4 * i + 3] - grow * np.sqrt(a * a + b * b) > 0.0:
+        a, b = get(values, "data", 4 * i), get(values, "data", 4 * i + 1)
+        least = min(a * u_low, a * u_high) + min(b * v_low, b * v_high) + get(values, "data", 4 * i + 2)
+        if not least - get(values, "data", 4 * i + 3) - grow * np.sqrt(a * a + b * b) > 0.0:
             return False
     return True
 
@@ -247,7 +258,7 @@ def _draw(t, kind, first_row, last_row, face, layer, discard, values, target, co
     measured = discard and kind == BOUNDED
     if measured:
         for k in range(6):
-            measured = measured and abs(values[POINTS + k]) < FAR_AWAY * texel
+            measured = measured and abs(get(values, "data", POINTS + k)) < FAR_AWAY * texel
     for row in range(first_row, last_row + 1):
         first, last = _columns(row, kind, discard, face, values)
         v_low, v_high = (middle - row - 1) * texel - widen, (middle - row) * texel + widen

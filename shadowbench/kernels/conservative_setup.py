@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shadowbench.jit import kernel
+from shadowbench.kernels.elements import get
 from shadowbench.kernels.vectors import corner, cross, dot, minus
 
 EDGE_SLACK = 64.0 * 2.0**-53
@@ -61,6 +62,12 @@ class Face(NamedTuple):
     unit: float
     depth_pad: float
     reach: float
+
+
+class Values(NamedTuple):
+    """The scratch of `set_up` as a record, for access without reference counts: float64 (N_VALUES,)."""
+
+    data: np.ndarray
 
 
 @kernel
@@ -160,9 +167,10 @@ def _set_up_parallel(p, e, normal, rounding, face, values):
 
 @kernel
 def nearest_depth(perspective, values, u_low, u_high, v_low, v_high):
-    """A lower bound of a triangle's depth over a rectangle of the map."""
-    a, b, c, rounding = values[PLANE], values[PLANE + 1], values[PLANE + 2], values[PLANE + 3]
-    number, nearest = values[PLANE + 4], values[PLANE + 6]
+    """A lower bound of a triangle's depth over a rectangle of the map (values: `Values`)."""
+    a, b, c = get(values, "data", PLANE), get(values, "data", PLANE + 1), get(values, "data", PLANE + 2)
+    rounding = get(values, "data", PLANE + 3)
+    number, nearest = get(values, "data", PLANE + 4), get(values, "data", PLANE + 6)
     if perspective:
         # Depth is smallest where 1 / depth is largest
         largest = max(a * u_low, a * u_high) + max(b * v_low, b * v_high) + c
@@ -170,8 +178,8 @@ def nearest_depth(perspective, values, u_low, u_high, v_low, v_high):
         return max(number / largest, nearest) if largest > 0.0 else nearest
     if not number > 0.0:
         return nearest
-    u0, v0 = values[POINTS], values[POINTS + 1]
+    u0, v0 = get(values, "data", POINTS), get(values, "data", POINTS + 1)
     rise = (max(a * (u_low - u0), a * (u_high - u0)) + max(b * (v_low - v0), b * (v_high - v0))
             + rounding * (max(abs(u_low - u0), abs(u_high - u0)) + max(abs(v_low - v0), abs(v_high - v0))))
     # The rounding of the divisor makes a fall smaller, so a negative rise is left out
-    return max(values[PLANE + 5] - max(rise, 0.0) / number, nearest)
+    return max(get(values, "data", PLANE + 5) - max(rise, 0.0) / number, nearest)

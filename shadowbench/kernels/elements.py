@@ -46,7 +46,6 @@ def put(typing_context, record, field, index, value):
 def increment(typing_context, record, field, index):
     """``record.field.flat[index] += 1``, for integers."""
     name = field.literal_value
-    array = record.types[record.fields.index(name)]
 
     def codegen(context, builder, signature, args):
         place = builder.gep(pointer(context, builder, signature.args[0], args[0], name), [args[2]])

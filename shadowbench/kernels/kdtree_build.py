@@ -21,6 +21,7 @@ import numpy as np
 
 from shadowbench.jit import kernel
 from shadowbench.kernels.kdtree_clip import GRID, MAX_CORNERS, clipped_bounds
+from shadowbench.kernels.kdtree_events import add_events, find_sides, room, split_axis
 from shadowbench.kernels.kdtree_sweep import (
     EMPTY_BONUS,
     END,
@@ -42,9 +43,7 @@ MAX_DEPTH = 60
 LEAF = 3
 """Value of the two axis bits that marks a leaf."""
 
-_LEFT, _RIGHT, _BOTH = 0, 1, 2
 _BOX, _DEPTH, _PARENT, _N_PIECES = 6, 12, 13, 14     # columns of the stack of nodes to build
-_FEW = 24       # values up to which insertion beats a general sort
 
 
 class KdTree(NamedTuple):
@@ -110,119 +109,6 @@ def _sorted_events(low, high):
 
 
 @kernel
-def _room(array, n_used, n_more):
-    """Return the array, or a copy with room for more values."""
-    if n_used + n_more <= len(array):
-        return array
-    larger = np.empty(2 * (n_used + n_more), array.dtype)
-    larger[:n_used] = array[:n_used]
-    return larger
-
-
-@kernel
-def _find_sides(events, first, end, position, planar_left, side, straddling):
-    """Mark the side of every piece of a node; list those on both. Returns how many are left, right and both."""
-    n_left = n_right = n_both = 0
-    for i in range(first, end):
-        key = events[i]
-        piece, kind, here = key & PIECE_MASK, (key >> PIECE_BITS) & 3, key >> 32
-        if kind == START:
-            # A piece that ends at or before the plane is found at its end
-            side[piece] = _RIGHT if here >= position else _BOTH
-            n_right += here >= position
-        elif kind == END:
-            if here <= position:
-                side[piece] = _LEFT
-                n_left += 1
-            elif side[piece] == _BOTH:
-                straddling[n_both] = piece
-                n_both += 1
-        elif here < position or (here == position and planar_left):
-            side[piece] = _LEFT
-            n_left += 1
-        else:
-            side[piece] = _RIGHT
-            n_right += 1
-    return n_left, n_right, n_both
-
-
-@kernel
-def _add_events(new, n_new, bounds, piece):
-    """Append the events of a clipped piece on each axis; `new` is int64 (3, room), `n_new` int64 (3,)."""
-    for axis in range(3):
-        low, high, n = bounds[axis], bounds[3 + axis], n_new[axis]
-        if low == high:
-            new[axis, n] = event(low, PLANAR, piece)
-            n_new[axis] = n + 1
-        else:
-            new[axis, n] = event(low, START, piece)
-            new[axis, n + 1] = event(high, END, piece)
-            n_new[axis] = n + 2
-
-
-@kernel
-def _sort_few(values, n):
-    """Sort the first values of an array: by insertion where they are few, as they nearly always are."""
-    if n > _FEW:
-        values[:n].sort()
-        return
-    for i in range(1, n):
-        value, k = values[i], i
-        while k > 0 and values[k - 1] > value:
-            values[k] = values[k - 1]
-            k -= 1
-        values[k] = value
-
-
-@kernel
-def _split_axis(events, first, end, side, new_left, new_right, n_new, left, right):
-    """Replace a node's events at the top of one axis' stack by those of its right child, then those of its left one.
-
-    Parameters
-    ----------
-    new_left, new_right, n_new : events of clipped pieces, to be sorted and merged in, and their numbers.
-    left, right : scratch.
-
-    Returns
-    -------
-    The stack, which may have grown, and the first event and the one after the last of the left child.
-    """
-    n_new_left, n_new_right = n_new
-    events = _room(events, end, n_new_left + n_new_right)
-    _sort_few(new_left, n_new_left)
-    _sort_few(new_right, n_new_right)
-    n_left = n_right = i_left = i_right = 0
-    for i in range(first, end):
-        key = events[i]
-        where = side[key & PIECE_MASK]
-        if where == _LEFT:
-            while i_left < n_new_left and new_left[i_left] < key:
-                left[n_left] = new_left[i_left]
-                n_left += 1
-                i_left += 1
-            left[n_left] = key
-            n_left += 1
-        elif where == _RIGHT:
-            while i_right < n_new_right and new_right[i_right] < key:
-                right[n_right] = new_right[i_right]
-                n_right += 1
-                i_right += 1
-            right[n_right] = key
-            n_right += 1
-    for i in range(i_left, n_new_left):
-        left[n_left] = new_left[i]
-        n_left += 1
-    for i in range(i_right, n_new_right):
-        right[n_right] = new_right[i]
-        n_right += 1
-    for i in range(n_right):
-        events[first + i] = right[i]
-    for i in range(n_left):
-        events[first + n_right + i] = left[i]
-    return events, first + n_right, first + n_right + n_left
-
-
-@kernel
 def _clip_straddling(corners, straddling, n_both, triangle, n_pieces, work, new_left, new_right, n_new):
     """Clip the pieces on both sides of a split to both children, and make their events.
 
@@ -238,11 +124,11 @@ def _clip_straddling(corners, straddling, n_both, triangle, n_pieces, work, new_
         piece = straddling[i]
         t = triangle[piece]
         if clipped_bounds(corners, t, work.left_box, work.polygon, work.clipped, work.bounds):
-            _add_events(new_left, n_new[0], work.bounds, piece)
+            add_events(new_left, n_new[0], work.bounds, piece)
             n_left += 1
         if clipped_bounds(corners, t, work.right_box, work.polygon, work.clipped, work.bounds):
             triangle[n_pieces] = t
-            _add_events(new_right, n_new[1], work.bounds, n_pieces)
+            add_events(new_right, n_new[1], work.bounds, n_pieces)
             n_pieces += 1
             n_right += 1
     return n_pieces, n_left, n_right
@@ -278,14 +164,14 @@ def _build(corners, top, events):
         n_here, box = task[_N_PIECES], task[_BOX:_BOX + 6]
         if task[_PARENT] >= 0:
             nodes[2 * task[_PARENT] + 1] |= n_nodes << 2
-        nodes, node, n_nodes = _room(nodes, 2 * n_nodes, 2), n_nodes, n_nodes + 1
+        nodes, node, n_nodes = room(nodes, 2 * n_nodes, 2), n_nodes, n_nodes + 1
         axis, position, planar_left = -1, 0, False
         if task[_DEPTH] < MAX_DEPTH:
             axis, position, planar_left = find_split(n_here, box, events[0][task[0]:task[1]], events[1][task[2]:task[3]],
                                                      events[2][task[4]:task[5]])
         if axis < 0:
             nodes[2 * node], nodes[2 * node + 1] = n_references, LEAF + 4 * n_here
-            references = _room(references, n_references, n_here)
+            references = room(references, n_references, n_here)
             for i in range(task[0], task[1]):
                 if (events[0][i] >> PIECE_BITS) & 3 != END:
                     references[n_references] = triangle[events[0][i] & PIECE_MASK]
@@ -294,19 +180,19 @@ def _build(corners, top, events):
         nodes.view(np.float32)[2 * node], nodes[2 * node + 1] = position, axis
         # Sort out the pieces and clip those on both sides
         straddling = np.empty(n_here, np.int64)
-        n_left, n_right, n_both = _find_sides(events[axis], task[2 * axis], task[2 * axis + 1], position, planar_left, side,
+        n_left, n_right, n_both = find_sides(events[axis], task[2 * axis], task[2 * axis + 1], position, planar_left, side,
                                               straddling)
         work.left_box[:], work.right_box[:] = box, box
         work.left_box[3 + axis], work.right_box[axis] = position, position
         new_left, new_right = np.empty((3, 2 * n_both), np.int64), np.empty((3, 2 * n_both), np.int64)
-        triangle, side = _room(triangle, n_pieces, n_both), _room(side, n_pieces, n_both)
+        triangle, side = room(triangle, n_pieces, n_both), room(side, n_pieces, n_both)
         n_pieces, more_left, more_right = _clip_straddling(corners, straddling, n_both, triangle, n_pieces, work, new_left,
                                                            new_right, n_new)
         n_most = max(task[1] - task[0], task[3] - task[2], task[5] - task[4]) + 2 * n_both
-        left, right = _room(left, 0, n_most), _room(right, 0, n_most)
-        x, x1, x2 = _split_axis(events[0], task[0], task[1], side, new_left[0], new_right[0], n_new[:, 0], left, right)
-        y, y1, y2 = _split_axis(events[1], task[2], task[3], side, new_left[1], new_right[1], n_new[:, 1], left, right)
-        z, z1, z2 = _split_axis(events[2], task[4], task[5], side, new_left[2], new_right[2], n_new[:, 2], left, right)
+        left, right = room(left, 0, n_most), room(right, 0, n_most)
+        x, x1, x2 = split_axis(events[0], task[0], task[1], side, new_left[0], new_right[0], n_new[:, 0], left, right)
+        y, y1, y2 = split_axis(events[1], task[2], task[3], side, new_left[1], new_right[1], n_new[:, 1], left, right)
+        z, z1, z2 = split_axis(events[2], task[4], task[5], side, new_left[2], new_right[2], n_new[:, 2], left, right)
         events = (x, y, z)
         # The second child waits below the first one
         _push(stack, n_stack, ((task[0], x1), (task[2], y1), (task[4], z1)), work.right_box, task[_DEPTH] + 1, node,

@@ -17,9 +17,15 @@ Trail for Stackless BVH Traversal", 2010).
 t = (s - origin) / direction; the near child is entered if the ray's interval starts before t + m / |direction|, the
 far one if it ends after t - m / |direction|, where m is `shadow_rays.MARGIN`, plus what the rounding of a far light or
 eye adds. So a ray visits each leaf whose cell it passes within m, less the rounding of t. A triangle that shadows the
-sample by the test of `shadow_rays`, if not loose, is met within one unit by the ray, at a distance of at least the bias (less
-that unit) from the sample; the ray's end is drawn back accordingly, so that rays leave most surfaces untested that
-they end on.
+sample by the test of `shadow_rays`, if not loose, is met within one unit by the ray, at a distance of at least the bias
+(less that unit) from the sample; the ray's end is drawn back accordingly, so that rays leave most surfaces untested
+that they end on.
+
+**Direction.** From the light outwards, rays that the conservative map shortens take the fewest steps: on the gate 22
+nodes and 2.9 leaves a ray, against 26 and 3.6 from the sample towards the light; whole rays differ by 4 % either way.
+A shortened ray never takes more steps than the whole one if it hits nothing, or if the whole ray's hit comes after its
+own start. A triangle that spans several leaves can shadow the sample by an earlier leaf already, though, than the
+one where the ray meets it; if the shortened ray starts after that leaf, it goes on to the later one.
 """
 
 from typing import NamedTuple
@@ -28,35 +34,15 @@ import numpy as np
 
 from shadowbench.jit import kernel, parallel_kernel, prange
 from shadowbench.kernels.elements import get, increment, put
-from shadowbench.kernels.kdtree_build import LEAF, MAX_DEPTH
+from shadowbench.kernels.kdtree_build import MAX_DEPTH
+from shadowbench.kernels.kdtree_walk import SHORT_STACK, Ray, RayCounts, walk, walk_again
 from shadowbench.kernels.shadow_rays import FAR_ROUNDING, MARGIN, N_WORKERS, is_shadowed_by
-
-SHORT_STACK = 4
-"""Entries of the short stack (Horn et al. 2007 find 3 to 5 enough)."""
 
 TILE = 8
 """Side of the blocks of samples that are traced one after the other: neighbouring rays use the same nodes."""
 
 _SMALLEST = 2.0**-40
 """Components of a direction below this, in grid units over the whole ray, are set to it: far below `MARGIN`."""
-
-
-_ROOT_BIT = np.int64(1) << np.int64(62)
-
-
-class RayCounts(NamedTuple):
-    """What each ray did, int32 (n_samples,).
-
-    Attributes
-    ----------
-    nodes : inner nodes visited, repeated visits included.
-    leaves : leaves visited.
-    tests : ray-triangle tests.
-    """
-
-    nodes: np.ndarray
-    leaves: np.ndarray
-    tests: np.ndarray
 
 
 class Start(NamedTuple):
@@ -92,23 +78,6 @@ class _Grid(NamedTuple):
     stop: float
 
 
-class _Ray(NamedTuple):
-    """Scratch of one worker.
-
-    Attributes
-    ----------
-    axis : float64 (9,), per axis: origin, 1 / direction, margin / direction.
-    node, near, far : int64 and float64 (MAX_DEPTH + 1,), the stack: nodes and the ends of their intervals.
-    bit : int64 (MAX_DEPTH + 1,), bits of the levels of the nodes on the stack.
-    """
-
-    axis: np.ndarray
-    node: np.ndarray
-    near: np.ndarray
-    far: np.ndarray
-    bit: np.ndarray
-
-
 def trace(tree, rays, traced, start, traversal, columns, shadow, counts=None):
     """Trace shadow rays.
 
@@ -125,8 +94,8 @@ def trace(tree, rays, traced, start, traversal, columns, shadow, counts=None):
     """
     origin = (rays.origin - tree.base) * tree.scale
     reach = rays.reach * tree.scale
-    grid = _Grid(origin, bool(rays.travel.any()), rays.travel * parallel_length(rays) * tree.scale, tree.scale, MARGIN + FAR_ROUNDING * reach,
-                 rays.bias * tree.scale)
+    grid = _Grid(origin, bool(rays.travel.any()), rays.travel * parallel_length(rays) * tree.scale, tree.scale,
+                 MARGIN + FAR_ROUNDING * reach, rays.bias * tree.scale)
     n_stack = {"stack": MAX_DEPTH + 1, "short_stack": SHORT_STACK, "restart": 0}[traversal]
     _trace_all(tree, rays, grid, traced, start, n_stack, columns, shadow, counts)
 
@@ -145,7 +114,7 @@ def _trace_all(tree, rays, grid, traced, start, n_stack, columns, shadow, counts
 @kernel
 def _trace_part(tree, rays, grid, traced, start, n_stack, columns, shadow, counts, worker):
     """Trace the rays of one worker's share of the tiles."""
-    ray = _Ray(np.empty(9), np.empty(MAX_DEPTH + 1, np.int64), np.empty(MAX_DEPTH + 1), np.empty(MAX_DEPTH + 1),
+    ray = Ray(np.empty(9), np.empty(MAX_DEPTH + 1, np.int64), np.empty(MAX_DEPTH + 1), np.empty(MAX_DEPTH + 1),
                np.empty(MAX_DEPTH + 1, np.int64))
     plane_x, plane_y, depth, rows = rays.plane_x, rays.plane_y, rays.depth, len(traced) // columns
     n_loose = len(rays.loose)
@@ -163,9 +132,9 @@ def _trace_part(tree, rays, grid, traced, start, n_stack, columns, shadow, count
                     begin, end = _set_up_ray(tree, rays, grid, i, begin, ray)
                     x, y, r = plane_x[i], plane_y[i], 1.0 / depth[i]
                     if n_stack > MAX_DEPTH:
-                        hit = _walk(tree, rays, ray, begin, end, x, y, r, i, counts)
+                        hit = walk(tree, rays, ray, begin, end, x, y, r, i, counts)
                     else:
-                        hit = _walk_again(tree, rays, ray, n_stack, begin, end, x, y, r, i, counts)
+                        hit = walk_again(tree, rays, ray, n_stack, begin, end, x, y, r, i, counts)
                     if hit or _hits_loose(rays, n_loose, x, y, r, i, counts):
                         shadow[i] = 1.0
 
@@ -210,107 +179,3 @@ def _set_up_ray(tree, rays, grid, i, begin, ray):
     return begin, end
 
 
-@kernel
-def _hits_leaf(tree, rays, node, x, y, r, i, counts):
-    """Test a sample against the triangles of a leaf, until one shadows it."""
-    first = np.int64(get(tree, "nodes", 2 * node))
-    for k in range(first, first + (get(tree, "nodes", 2 * node + 1) >> 2)):
-        if counts is not None:
-            increment(counts, "tests", i)
-        if is_shadowed_by(rays, np.int64(get(tree, "references", k)), x, y, r):
-            return True
-    return False
-
-
-@kernel
-def _walk(tree, rays, ray, begin, end, x, y, r, i, counts):
-    """Visit the leaves along a ray with a stack; True at the first triangle that shadows the sample."""
-    if begin > end:
-        return False
-    node = n_stack = 0
-    while True:
-        link = np.int64(get(tree, "nodes", 2 * node + 1))
-        axis = link & 3
-        while axis != LEAF:
-            if counts is not None:
-                increment(counts, "nodes", i)
-            inverse, slack = get(ray, "axis", 3 + axis), get(ray, "axis", 6 + axis)
-            t = (get(tree, "planes", 2 * node) - get(ray, "axis", axis)) * inverse
-            near, far = node + 1, link >> 2
-            if inverse < 0.0:
-                near, far = far, near
-            if begin <= t + slack:
-                if t - slack <= end:
-                    put(ray, "node", n_stack, far)
-                    put(ray, "near", n_stack, max(begin, t - slack))
-                    put(ray, "far", n_stack, end)
-                    n_stack += 1
-                node, end = near, min(end, t + slack)
-            else:
-                node, begin = far, max(begin, t - slack)
-            link = np.int64(get(tree, "nodes", 2 * node + 1))
-            axis = link & 3
-        if counts is not None:
-            increment(counts, "leaves", i)
-        if _hits_leaf(tree, rays, node, x, y, r, i, counts):
-            return True
-        if n_stack == 0:
-            return False
-        n_stack -= 1
-        node, begin, end = get(ray, "node", n_stack), get(ray, "near", n_stack), get(ray, "far", n_stack)
-
-
-@kernel
-def _walk_again(tree, rays, ray, room, begin, end, x, y, r, i, counts):
-    """Visit the same leaves with a stack of `room` entries, or none, and restarts."""
-    if begin > end:
-        return False
-    # Bits of the levels where the far child is still to be visited, and where it is being visited; the root's is highest
-    waiting = going_far = np.int64(0)
-    n_stack = top = 0
-    node, bit = 0, _ROOT_BIT
-    root, root_bit, root_begin, root_end, alone = node, bit, begin, end, room > 0
-    while True:
-        link = np.int64(get(tree, "nodes", 2 * node + 1))
-        axis = link & 3
-        while axis != LEAF:
-            if counts is not None:
-                increment(counts, "nodes", i)
-            inverse, slack = get(ray, "axis", 3 + axis), get(ray, "axis", 6 + axis)
-            t = (get(tree, "planes", 2 * node) - get(ray, "axis", axis)) * inverse
-            near, far = node + 1, link >> 2
-            if inverse < 0.0:
-                near, far = far, near
-            if begin > t + slack or (going_far & bit) != 0:
-                node, begin = far, max(begin, t - slack)
-            else:
-                if t - slack <= end:
-                    waiting |= bit
-                    alone = False
-                    if room > 0:
-                        put(ray, "node", top, far)
-                        put(ray, "near", top, max(begin, t - slack))
-                        put(ray, "far", top, end)
-                        put(ray, "bit", top, bit >> 1)
-                        top, n_stack = (top + 1) % room, min(n_stack + 1, room)
-                node, end = near, min(end, t + slack)
-            bit >>= 1
-            if alone:
-                root, root_bit, root_begin, root_end = node, bit, begin, end
-            link = np.int64(get(tree, "nodes", 2 * node + 1))
-            axis = link & 3
-        if counts is not None:
-            increment(counts, "leaves", i)
-        if _hits_leaf(tree, rays, node, x, y, r, i, counts):
-            return True
-        if waiting == 0:
-            return False
-        # The deepest far child that waits is next
-        bit = waiting & -waiting
-        waiting ^= bit
-        going_far = (going_far & -bit) | bit
-        if n_stack > 0:
-            top, n_stack = (top + room - 1) % room, n_stack - 1
-            node, begin, end, bit = get(ray, "node", top), get(ray, "near", top), get(ray, "far", top), get(ray, "bit", top)
-        else:
-            node, bit, begin, end, alone = root, root_bit, root_begin, root_end, room > 0

@@ -177,8 +177,8 @@ _SMALLEST_DOUBLE = 5e-324
 
 
 @intrinsic
-def is_shadowed_by(typing_context, rays, t, x, y, r):
-    """Tell whether a sample is in the shadow frustum of triangle t: all four planes at once.
+def _inside_all(typing_context, rays, t, x, y, r):
+    """Tell whether a sample is inside all four planes of triangle t.
 
     The sample is outside where a side plane's value is above zero, or the cap plane's at or above it, that is, above
     the largest number below zero.
@@ -209,3 +209,9 @@ def _load(builder, data, offset):
     vector = builder.load(builder.bitcast(builder.gep(data, [offset]), _FOUR.as_pointer()))
     vector.align = 8
     return vector
+
+
+@kernel
+def is_shadowed_by(rays, t, x, y, r):
+    """Tell whether a sample is in the shadow frustum of triangle t."""
+    return _inside_all(rays, t, x, y, r)
