@@ -30,6 +30,10 @@ from shadowbench.kernels.kdtree_sweep import (
     PIECE_MASK,
     PLANAR,
     START,
+    TASK_BOX,
+    TASK_DEPTH,
+    TASK_N_PIECES,
+    TASK_PARENT,
     TRAVERSAL_COST,
     event,
     find_split,
@@ -43,7 +47,6 @@ MAX_DEPTH = 60
 LEAF = 3
 """Value of the two axis bits that marks a leaf."""
 
-_BOX, _DEPTH, _PARENT, _N_PIECES = 6, 12, 13, 14     # columns of the stack of nodes to build
 
 
 class KdTree(NamedTuple):
@@ -96,7 +99,8 @@ def build_kdtree(corners):
     high = np.ceil(grid_corners.max(axis=1, initial=0.0)).astype(np.int64)
     events = [_sorted_events(low[:, axis], high[:, axis]) for axis in range(3)]
     top = high.max(axis=0, initial=0)
-    nodes, references = _build(grid_corners, top, (events[0], events[1], events[2]))
+    nodes, n_nodes, references, n_references = _build(grid_corners, top, (events[0], events[1], events[2]))
+    nodes, references = nodes[:2 * n_nodes].copy(), references[:n_references].copy()
     return KdTree(base, scale, top.astype(np.float64), nodes, nodes.view(np.float32), references)
 
 
@@ -119,7 +123,8 @@ def _clip_straddling(corners, straddling, n_both, triangle, n_pieces, work, new_
     The number of pieces, and how many of them are new on the left and on the right.
     """
     n_left = n_right = 0
-    n_new[:] = 0
+    for axis in range(3):
+        n_new[0, axis] = n_new[1, axis] = 0
     for i in range(n_both):
         piece = straddling[i]
         t = triangle[piece]
@@ -139,13 +144,13 @@ def _push(stack, place, span, box, depth, parent, n_pieces):
     """Note a node that is to be built: its events, cell, level, parent (if it is a second child) and pieces."""
     for axis in range(3):
         stack[place, 2 * axis], stack[place, 2 * axis + 1] = span[axis]
-        stack[place, _BOX + axis], stack[place, _BOX + 3 + axis] = box[axis], box[3 + axis]
-    stack[place, _DEPTH], stack[place, _PARENT], stack[place, _N_PIECES] = depth, parent, n_pieces
+        stack[place, TASK_BOX + axis], stack[place, TASK_BOX + 3 + axis] = box[axis], box[3 + axis]
+    stack[place, TASK_DEPTH], stack[place, TASK_PARENT], stack[place, TASK_N_PIECES] = depth, parent, n_pieces
 
 
 @kernel
 def _build(corners, top, events):
-    """Build all nodes, depth first, from the sorted events of each axis; returns nodes and references."""
+    """Build all nodes, depth first, from the sorted events of each axis; returns nodes, references and their numbers."""
     n_pieces = len(corners)
     work = _Work(np.empty((MAX_CORNERS + 1, 3)), np.empty((MAX_CORNERS + 1, 3)), np.empty(6, np.int64),
                  np.empty(6, np.int64), np.empty(6, np.int64))
@@ -153,22 +158,24 @@ def _build(corners, top, events):
     n_nodes = n_references = 0
     # Pieces: their triangle, and their side at the present split
     triangle, side = np.arange(4 * n_pieces + 1).astype(np.int32), np.empty(4 * n_pieces + 1, np.int8)
-    stack, box, n_new = np.empty((MAX_DEPTH + 2, _N_PIECES + 1), np.int64), np.zeros(6, np.int64), np.zeros((2, 3), np.int64)
+    stack, n_new = np.empty((MAX_DEPTH + 2, TASK_N_PIECES + 1), np.int64), np.zeros((2, 3), np.int64)
+    task, box = np.empty(TASK_N_PIECES + 1, np.int64), np.zeros(6, np.int64)
     left, right = np.empty(1, np.int64), np.empty(1, np.int64)
-    box[3:] = top
+    for k in range(3):
+        box[3 + k] = top[k]
     _push(stack, 0, ((0, len(events[0])), (0, len(events[1])), (0, len(events[2]))), box, 0, -1, n_pieces)
     n_stack = 1
     while n_stack > 0:
         n_stack -= 1
-        task = stack[n_stack].copy()
-        n_here, box = task[_N_PIECES], task[_BOX:_BOX + 6]
-        if task[_PARENT] >= 0:
-            nodes[2 * task[_PARENT] + 1] |= n_nodes << 2
+        for k in range(len(task)):
+            task[k] = stack[n_stack, k]
+        n_here = task[TASK_N_PIECES]
+        if task[TASK_PARENT] >= 0:
+            nodes[2 * task[TASK_PARENT] + 1] |= n_nodes << 2
         nodes, node, n_nodes = room(nodes, 2 * n_nodes, 2), n_nodes, n_nodes + 1
         axis, position, planar_left = -1, 0, False
-        if task[_DEPTH] < MAX_DEPTH:
-            axis, position, planar_left = find_split(n_here, box, events[0][task[0]:task[1]], events[1][task[2]:task[3]],
-                                                     events[2][task[4]:task[5]])
+        if task[TASK_DEPTH] < MAX_DEPTH:
+            axis, position, planar_left = find_split(task, events)
         if axis < 0:
             nodes[2 * node], nodes[2 * node + 1] = n_references, LEAF + 4 * n_here
             references = room(references, n_references, n_here)
@@ -182,7 +189,8 @@ def _build(corners, top, events):
         straddling = np.empty(n_here, np.int64)
         n_left, n_right, n_both = find_sides(events[axis], task[2 * axis], task[2 * axis + 1], position, planar_left, side,
                                               straddling)
-        work.left_box[:], work.right_box[:] = box, box
+        for k in range(6):
+            work.left_box[k] = work.right_box[k] = task[TASK_BOX + k]
         work.left_box[3 + axis], work.right_box[axis] = position, position
         new_left, new_right = np.empty((3, 2 * n_both), np.int64), np.empty((3, 2 * n_both), np.int64)
         triangle, side = room(triangle, n_pieces, n_both), room(side, n_pieces, n_both)
@@ -195,8 +203,9 @@ def _build(corners, top, events):
         z, z1, z2 = split_axis(events[2], task[4], task[5], side, new_left[2], new_right[2], n_new[:, 2], left, right)
         events = (x, y, z)
         # The second child waits below the first one
-        _push(stack, n_stack, ((task[0], x1), (task[2], y1), (task[4], z1)), work.right_box, task[_DEPTH] + 1, node,
+        _push(stack, n_stack, ((task[0], x1), (task[2], y1), (task[4], z1)), work.right_box, task[TASK_DEPTH] + 1, node,
               n_right + more_right)
-        _push(stack, n_stack + 1, ((x1, x2), (y1, y2), (z1, z2)), work.left_box, task[_DEPTH] + 1, -1, n_left + more_left)
+        _push(stack, n_stack + 1, ((x1, x2), (y1, y2), (z1, z2)), work.left_box, task[TASK_DEPTH] + 1, -1,
+              n_left + more_left)
         n_stack += 2
-    return nodes[:2 * n_nodes].copy(), references[:n_references].copy()
+    return nodes, n_nodes, references, n_references

@@ -6,7 +6,7 @@ from shadowbench.jit import kernel
 from shadowbench.kernels.kdtree_sweep import END, PIECE_BITS, PIECE_MASK, PLANAR, START, event
 
 _LEFT, _RIGHT, _BOTH = 0, 1, 2
-_FEW = 24       # values up to which insertion beats a general sort
+_GAPS = (1750, 701, 301, 132, 57, 23, 10, 4, 1)
 
 
 @kernel
@@ -15,7 +15,8 @@ def room(array, n_used, n_more):
     if n_used + n_more <= len(array):
         return array
     larger = np.empty(2 * (n_used + n_more), array.dtype)
-    larger[:n_used] = array[:n_used]
+    for i in range(n_used):
+        larger[i] = array[i]
     return larger
 
 
@@ -61,17 +62,15 @@ def add_events(new, n_new, bounds, piece):
 
 
 @kernel
-def _sort_few(values, n):
-    """Sort the first values of an array: by insertion where they are few, as they nearly always are."""
-    if n > _FEW:
-        values[:n].sort()
-        return
-    for i in range(1, n):
-        value, k = values[i], i
-        while k > 0 and values[k - 1] > value:
-            values[k] = values[k - 1]
-            k -= 1
-        values[k] = value
+def _sort(values, n):
+    """Sort the first values of an array (Shell 1959, gaps of Ciura 2001): mostly there are only a few."""
+    for gap in _GAPS:
+        for i in range(gap, n):
+            value, k = values[i], i
+            while k >= gap and values[k - gap] > value:
+                values[k] = values[k - gap]
+                k -= gap
+            values[k] = value
 
 
 @kernel
@@ -89,8 +88,8 @@ def split_axis(events, first, end, side, new_left, new_right, n_new, left, right
     """
     n_new_left, n_new_right = n_new
     events = room(events, end, n_new_left + n_new_right)
-    _sort_few(new_left, n_new_left)
-    _sort_few(new_right, n_new_right)
+    _sort(new_left, n_new_left)
+    _sort(new_right, n_new_right)
     n_left = n_right = i_left = i_right = 0
     for i in range(first, end):
         key = events[i]

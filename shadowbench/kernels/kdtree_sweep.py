@@ -21,6 +21,11 @@ PIECE_BITS = 30
 PIECE_MASK = (1 << PIECE_BITS) - 1
 
 
+TASK_BOX, TASK_DEPTH, TASK_PARENT, TASK_N_PIECES = 6, 12, 13, 14
+"""Columns of the stack of nodes to build. The first six hold the first event of each axis and the one after the last;
+the box is smallest x, y, z, then largest; the parent is that of a second child, else -1."""
+
+
 @kernel
 def event(position, kind, piece):
     """Pack an event into an int64 that sorts by position, kind and piece."""
@@ -42,7 +47,7 @@ def _split_cost(below, above, across, around, n_left, n_right):
 
 
 @kernel
-def _sweep(events, n_pieces, low, high, across, around):
+def _sweep(events, first, end, n_pieces, low, high, across, around):
     """Find the cheapest plane of one axis.
 
     Returns
@@ -51,12 +56,12 @@ def _sweep(events, n_pieces, low, high, across, around):
     plane cuts anything off.
     """
     best, best_position, best_planar_left = math.inf, 0, False
-    n_left, n_right, i, n_events = 0, n_pieces, 0, len(events)
-    while i < n_events:
+    n_left, n_right, i = 0, n_pieces, first
+    while i < end:
         position = events[i] >> 32
         # Count the events at this position by their kind
         n_ends = n_planar = n_starts = 0
-        while i < n_events and events[i] >> 32 == position:
+        while i < end and events[i] >> 32 == position:
             kind = (events[i] >> PIECE_BITS) & 3
             n_ends += kind == END
             n_planar += kind == PLANAR
@@ -78,35 +83,31 @@ def _sweep(events, n_pieces, low, high, across, around):
 
 
 @kernel
-def find_split(n_pieces, box, events_x, events_y, events_z):
+def find_split(task, events):
     """Find the cheapest splitting plane of a node.
 
     Parameters
     ----------
-    n_pieces : pieces in the node.
-    box : int64 (6,), smallest x, y, z, then largest, in grid units.
-    events_x, events_y, events_z : int64 (n_events,), sorted.
+    task : int64, row of the stack of nodes to build (see `TASK_BOX`).
+    events : three arrays, int64, sorted within the node.
 
     Returns
     -------
     axis, position, planar_left : axis is -1 if no split is cheaper than a leaf.
     """
-    x, y, z = float(box[3] - box[0]), float(box[4] - box[1]), float(box[5] - box[2])
+    n_pieces, x0, y0, z0 = task[TASK_N_PIECES], task[TASK_BOX], task[TASK_BOX + 1], task[TASK_BOX + 2]
+    size = (float(task[TASK_BOX + 3] - x0), float(task[TASK_BOX + 4] - y0), float(task[TASK_BOX + 5] - z0))
+    x, y, z = size
     area = x * y + y * z + z * x
     axis, position, planar_left = -1, 0, False
     best = (n_pieces * INTERSECTION_COST - TRAVERSAL_COST) / INTERSECTION_COST * area
     if n_pieces == 0 or area == 0.0:
         return axis, position, planar_left
-    if x > 0.0:
-        cost, here, planar = _sweep(events_x, n_pieces, box[0], box[3], y * z, y + z)
-        if cost < best:
-            best, axis, position, planar_left = cost, 0, here, planar
-    if y > 0.0:
-        cost, here, planar = _sweep(events_y, n_pieces, box[1], box[4], x * z, x + z)
-        if cost < best:
-            best, axis, position, planar_left = cost, 1, here, planar
-    if z > 0.0:
-        cost, here, planar = _sweep(events_z, n_pieces, box[2], box[5], x * y, x + y)
-        if cost < best:
-            axis, position, planar_left = 2, here, planar
+    for k in range(3):
+        if size[k] > 0.0:
+            one, other = size[(k + 1) % 3], size[(k + 2) % 3]
+            cost, here, planar = _sweep(events[k], task[2 * k], task[2 * k + 1], n_pieces, task[TASK_BOX + k],
+                                        task[TASK_BOX + 3 + k], one * other, one + other)
+            if cost < best:
+                best, axis, position, planar_left = cost, k, here, planar
     return axis, position, planar_left

@@ -96,6 +96,8 @@ def trace(tree, rays, traced, start, traversal, columns, shadow, counts=None):
     reach = rays.reach * tree.scale
     grid = _Grid(origin, bool(rays.travel.any()), rays.travel * parallel_length(rays) * tree.scale, tree.scale,
                  MARGIN + FAR_ROUNDING * reach, rays.bias * tree.scale)
+    # One type of start for both cases halves the time that compiling takes
+    start = Start(np.zeros(len(traced))) if start is None else start
     n_stack = {"stack": MAX_DEPTH + 1, "short_stack": SHORT_STACK, "restart": 0}[traversal]
     _trace_all(tree, rays, grid, traced, start, n_stack, columns, shadow, counts)
 
@@ -126,10 +128,7 @@ def _trace_part(tree, rays, grid, traced, start, n_stack, columns, shadow, count
             for column in range(first_column, min(first_column + TILE, columns)):
                 i = row * columns + column
                 if traced[i]:
-                    begin = 0.0
-                    if start is not None:
-                        begin = get(start, "share", i)
-                    begin, end = _set_up_ray(tree, rays, grid, i, begin, ray)
+                    begin, end = _set_up_ray(tree, rays, grid, i, get(start, "share", i), ray)
                     x, y, r = plane_x[i], plane_y[i], 1.0 / depth[i]
                     if n_stack > MAX_DEPTH:
                         hit = walk(tree, rays, ray, begin, end, x, y, r, i, counts)
