@@ -126,6 +126,46 @@ def run(**options: Any) -> None:
     sys.exit(commands.run(sys.argv[1:], **options))
 
 
+class ItemArgument(click.ParamType):
+    """What `reproduce` takes; completes papers and items."""
+
+    name = "item"
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Offer the words, the papers and their items."""
+        from shadowbench.reproduce import ALL_PAPERS, all_items
+
+        known = [CompletionItem("list", help="what there is"), CompletionItem("all", help="everything"),
+                 *(CompletionItem(paper.name, help=paper.title) for paper in ALL_PAPERS),
+                 *(CompletionItem(f"{item.paper}/{item.id}", help=item.title) for item in all_items())]
+        return [item for item in known if item.value.startswith(incomplete)]
+
+
+@cli.command()
+@click.argument("what", metavar="list|all|PAPER[/ITEM]", type=ItemArgument())
+@click.option("--quick", is_flag=True, help="Small sizes and few frames: minutes in all.")
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("results"), show_default=True,
+              help="Folder for PAPER/ITEM/ and for the measured cells, runs/reproduce/.")
+def reproduce(what: str, quick: bool, out: Path) -> None:
+    """Measure published figures, tables and claims again, and say which hold.
+
+    Each item's folder gets data.csv, the figure or table, caption.md and verdict.json. Measured cells are kept: the same
+    command goes on where it was stopped.
+    """
+    from shadowbench.reproduce import all_items, find_items
+
+    if what == "list":
+        items = all_items()
+        widths = [max(len(text) for text in column) for column in zip(*((i.paper, i.id) for i in items), strict=True)]
+        for item in items:
+            click.echo(f"{item.paper:<{widths[0]}}  {item.id:<{widths[1]}}  {item.title}")
+        return
+    chosen = find_items(what)
+    from shadowbench.reproduce import run as command
+
+    sys.exit(command.reproduce(chosen, quick, out))
+
+
 @cli.command("list")
 @click.argument("kind", type=click.Choice(["algorithms", "scenes", "counters"]))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")

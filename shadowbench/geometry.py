@@ -193,6 +193,16 @@ class ImageSize:
     height: int = 1024
     samples: int = 1
 
+    @property
+    def columns(self) -> int:
+        """Columns of the sample grid: the samples of a pixel are 1, 2 or 4 side by side."""
+        return self.width << self.samples.bit_length() // 2
+
+    @property
+    def rows(self) -> int:
+        """Rows of the sample grid."""
+        return self.height << (self.samples.bit_length() - 1) // 2
+
 
 class ViewSamples(NamedTuple):
     """The visible surface points of a frame, row by row from the top left of the sample grid.

@@ -6,6 +6,7 @@ import inspect
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from shadowbench.algorithms import ALGORITHMS
 from shadowbench.algorithms.base import Algorithm, AlgorithmParams
 from shadowbench.results import make_key, make_label
 from shadowbench.scene_models import GenerateEntry
+from shadowbench.scenes import SCENES
 from shadowbench.scenes.loader import Scene
 from shadowbench.source_digest import source_digest
 
@@ -31,6 +33,8 @@ class RunOptions:
     threads : threads of the kernels.
     only : subset of "counts", "timings", "images" to produce.
     keep_going : True to go on after a failed cell.
+    verify : False to leave out the comparison with the reference, and with it all pictures.
+    warm_up : False to time the first execution too, unless it compiled something.
     """
 
     frames: tuple[int, ...]
@@ -38,6 +42,12 @@ class RunOptions:
     threads: int = 1
     only: frozenset[str] = EVERYTHING
     keep_going: bool = True
+    verify: bool = True
+    warm_up: bool = True
+
+    def __post_init__(self) -> None:
+        if "images" in self.only and not self.verify:
+            raise ValueError("pictures show errors, so they need the comparison with the reference")
 
 
 @dataclass(frozen=True)
@@ -65,9 +75,10 @@ def plan_cells(scene: Scene, selections: Iterable[tuple[str, AlgorithmParams]], 
     config = scene.config.model_dump(mode="json", exclude={"algorithms", "matrix", "name"})
     for entry in config["geometry"]:
         entry.pop("mesh", None)
+    where = {"scene": config, "generators": _generators(scene), "meshes": sorted(scene.digests.values())}
     return [Cell(frame, algorithm, label,
-                 make_key(sources=_sources(algorithm), scene=config, meshes=sorted(scene.digests.values()), frame=frame,
-                          algorithm=algorithm.name, params=algorithm.params.model_dump(mode="json")))
+                 make_key(sources=_sources(algorithm), **where, frame=frame, algorithm=algorithm.name,
+                          params=algorithm.params.model_dump(mode="json")))
             for frame in frames for label, algorithm in algorithms.items()]
 
 
@@ -75,6 +86,13 @@ def _sources(algorithm: Algorithm) -> str:
     """Digest of the sources that decide what a cell measures: the method's and the runner's."""
     method = source_digest(Path(inspect.getfile(type(algorithm))))
     return f"{method} {source_digest(Path(__file__).with_name('runner.py'))}"
+
+
+def _generators(scene: Scene) -> list[str]:
+    """Digests of the sources of the scene's generators, which are imported by name when they are used."""
+    names = {entry.generate for entry in scene.config.geometry if isinstance(entry, GenerateEntry)}
+    modules = sorted(SCENES[name].target.partition(":")[0] for name in names)
+    return [source_digest(Path(inspect.getfile(import_module(module)))) for module in modules]
 
 
 def sweep(selections: Iterable[tuple[str, dict[str, Any]]], matrix: Mapping[str, Sequence[Any]]

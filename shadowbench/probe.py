@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 
 from shadowbench.counters import COUNTERS
 
+N_LARGEST = 1024
+"""Largest values kept of a count: what Sintorn et al. 2014 plot in Fig. 7."""
+
 
 class Probe:
     """Collects what one call of `Algorithm.shadows` did.
@@ -29,6 +32,7 @@ class Probe:
     counts : integer totals per counter name.
     levels : integer arrays per counter name, one value per tree level (level 0 is the root).
     triangle_counts : int64 (n_triangles,) per counter name.
+    largest : the largest single values per counter name, from the largest down, at most `N_LARGEST`.
     heat : int64 (n_samples,), tests per view sample, or None if the method attributes none.
     memory_bytes : bytes of each named structure that lives during the frame.
     """
@@ -39,6 +43,7 @@ class Probe:
         self.counts: dict[str, int] = {}
         self.levels: dict[str, list[int]] = {}
         self.triangle_counts: dict[str, NDArray[np.int64]] = {}
+        self.largest: dict[str, list[int]] = {}
         self.heat: NDArray[np.int64] | None = None
         self.memory_bytes: dict[str, int] = {}
 
@@ -78,6 +83,11 @@ class Probe:
         """Attribute a count to the triangles that caused it (the total is counted apart)."""
         if self.counting:
             self.triangle_counts[name] = np.asarray(per_triangle, np.int64)
+
+    def list_largest(self, name: str, values: NDArray[np.integer]) -> None:
+        """Keep the largest of the values that a count is the sum of, such as those of single jobs."""
+        if self.counting:
+            self.largest[name] = [int(v) for v in np.sort(values)[::-1][:N_LARGEST]]
 
     def count_samples(self, tests: NDArray[np.integer]) -> None:
         """Add to the heat map: tests per view sample, int (n_samples,)."""

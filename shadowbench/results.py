@@ -14,7 +14,7 @@ import os
 import re
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -64,6 +64,8 @@ class CellResult(BaseModel):
     reason: str | None = Field(None, description="why the cell is unsupported or failed")
     counts: dict[str, int] = Field(default_factory=dict)
     levels: dict[str, list[int]] = Field(default_factory=dict, description="counts per tree level, from the root")
+    largest: dict[str, list[int]] = Field(
+        default_factory=dict, description="largest single values of a count, such as those of jobs, from the largest down")
     stages: dict[str, list[float]] = Field(default_factory=dict, description="seconds per stage and repeat")
     total_seconds: list[float] = Field(default_factory=list, description="seconds per repeat, preparation left out")
     jit_seconds: float = Field(0.0, description="seconds spent compiling, outside every timing")
@@ -120,6 +122,19 @@ def check_writable(folder: Path) -> None:
         raise InputError(f"cannot write to {folder}: {error.strerror}; choose another --out") from error
 
 
+class CellFolder(Protocol):
+    """Where measured cells go, and the pictures that belong to them."""
+
+    path: Path
+    cells: list[CellResult]
+
+    def append(self, cell: CellResult) -> None:
+        """Take a finished cell."""
+
+    def image_folder(self, frame: int, label: str | None = None) -> Path:
+        """Make and return the folder for a frame's pictures, or for one algorithm's within it."""
+
+
 class RunFolder:
     """One run's folder on disk.
 
@@ -162,31 +177,38 @@ class RunFolder:
     def append(self, cell: CellResult) -> None:
         """Add a finished cell to ``results.jsonl`` and flush it to the disk."""
         self.cells.append(cell)
-        try:
-            with (self.path / "results.jsonl").open("a", encoding="utf-8") as file:
-                file.write(cell.model_dump_json(by_alias=True) + "\n")
-                file.flush()
-                os.fsync(file.fileno())
-        except OSError as error:
-            raise RunFolderError(f"cannot write {self.path / 'results.jsonl'}: {error.strerror}; "
-                                 "the cells before this one are kept") from error
+        append_line(self.path / "results.jsonl", cell.model_dump_json(by_alias=True))
 
     def image_folder(self, frame: int, label: str | None = None) -> Path:
         """Make and return the folder for a frame's pictures, or for one algorithm's within it."""
         folder = self.path / "frames" / f"{frame:04d}"
-        if label is not None:
-            folder /= label
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RunFolderError(f"cannot make {folder}: {error.strerror}; what was finished is kept") from error
-        return folder
+        return make_folder(folder if label is None else folder / label)
 
     def write_tables(self) -> None:
         """Write ``counts.csv`` and ``timings.csv`` from the cells so far."""
         counts, timings = tables(self.cells)
         self.write_text("counts.csv", counts)
         self.write_text("timings.csv", timings)
+
+
+def append_line(file: Path, line: str) -> None:
+    """Add a line to a file and flush it to the disk."""
+    try:
+        with file.open("a", encoding="utf-8") as stream:
+            stream.write(line + "\n")
+            stream.flush()
+            os.fsync(stream.fileno())
+    except OSError as error:
+        raise RunFolderError(f"cannot write {file}: {error.strerror}; the cells before this one are kept") from error
+
+
+def make_folder(folder: Path) -> Path:
+    """Make a folder for pictures, with its parents, and return it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFolderError(f"cannot make {folder}: {error.strerror}; what was finished is kept") from error
+    return folder
 
 
 def tables(cells: list[CellResult]) -> tuple[str, str]:

@@ -28,7 +28,8 @@ from shadowbench.probe import Probe
 from shadowbench.progress import Progress
 from shadowbench.report import pictures
 from shadowbench.report.html import write_report
-from shadowbench.results import AccuracyRecord, CellResult, RunFolder, RunStatus
+from shadowbench.report.remarks import remarks
+from shadowbench.results import AccuracyRecord, CellFolder, CellResult, RunFolder, RunStatus
 from shadowbench.scenes.loader import Scene
 from shadowbench.view_samples import render_view_samples
 
@@ -72,7 +73,7 @@ class StopRun(Exception):
     """Raised to end a run early because a cell failed and `RunOptions.keep_going` is False."""
 
 
-class Runner:
+class Measurer:
     """Carries out the cells of one scene.
 
     Parameters
@@ -83,7 +84,7 @@ class Runner:
     progress : where the user reads how far it is.
     """
 
-    def __init__(self, scene: Scene, load_seconds: float, cells: list[Cell], options: RunOptions, folder: RunFolder,
+    def __init__(self, scene: Scene, load_seconds: float, cells: list[Cell], options: RunOptions, folder: CellFolder,
                  progress: Progress) -> None:
         self.scene, self.cells, self.options = scene, cells, options
         self.folder, self.progress = folder, progress
@@ -93,24 +94,16 @@ class Runner:
         self._prepared: dict[str, tuple[Any, Any]] = {}
         self._announced: set[str] = set()
 
-    def run(self) -> RunSummary:
-        """Run everything that is planned; on Ctrl-C keep what is finished."""
-        status: RunStatus = "done"
+    def measure(self) -> None:
+        """Measure every cell and hand it to the folder; on Ctrl-C keep what is finished."""
         jit.set_threads(self.options.threads)
         try:
             for frame, cells in itertools.groupby(self.cells, key=lambda cell: cell.frame):
                 self._run_frame(frame, list(cells))
         except KeyboardInterrupt:
-            self.summary.interrupted, status = True, "interrupted"
+            self.summary.interrupted = True
         except StopRun:
             pass
-        if status == "done" and any(cell.status == "failed" for cell in self.folder.cells):
-            status = "partial"
-        self.folder.write_tables()
-        self.folder.write_status(status, warnings=self.summary.warnings,
-                                 seconds={name: round(value, 6) for name, value in self.seconds.items()})
-        write_report(self.folder)
-        return self.summary
 
     @contextmanager
     def _clock(self, name: str, what: str = "") -> Iterator[None]:
@@ -178,7 +171,25 @@ class Runner:
             probe = Probe(counting=True)
             buffer = algorithm.shadows(frame, probe)
         _check_buffer(buffer, frame)
-        casters = algorithm.casters(frame)
+        result.counts, result.levels, result.largest = probe.all_counts(), probe.levels, probe.largest
+        errors = self._verify(cell, frame, buffer, truths, result) if self.options.verify else None
+        if "counts" not in self.options.only:
+            result.counts, result.levels, result.largest = {}, {}, {}
+        if "timings" in self.options.only:
+            with self._clock("cells", cell.label):
+                self._repeat(algorithm, frame, buffer, result)
+        result.memory_bytes = probe.memory_bytes
+        result.jit_seconds = round(self.seconds["compilation"] - compiled_before, 6)
+        if errors is not None and "images" in self.options.only:
+            with self._clock("images"):
+                folder = self.folder.image_folder(cell.frame, cell.label)
+                files = pictures.write_shadow_pictures(folder, frame, buffer, errors, probe.heat, cell.label)
+                result.files = {name: path.relative_to(self.folder.path).as_posix() for name, path in files.items()}
+
+    def _verify(self, cell: Cell, frame: Frame, buffer: ShadowBuffer, truths: dict[bytes, Truth], result: CellResult
+                ) -> NDArray[np.uint32]:
+        """Compare with the reference over the same casters; fills in the accuracy, returns each sample's `ErrorClass`."""
+        casters = cell.algorithm.casters(frame)
         truth = self._truth(frame, casters, truths)
         errors = accuracy.classify(buffer.shadow, truth.shadow, truth.ambiguous, frame.samples.candidate)
         measured = accuracy.measure(buffer.shadow, errors, truth.ambiguous, frame.samples.candidate)
@@ -189,20 +200,12 @@ class Runner:
         if cell.name in PEERS:
             path = self.folder.image_folder(cell.frame, cell.label) / "differences.csv"
             path.write_text(accuracy.list_differences(frame, buffer.shadow, truth.shadow, truth.ambiguous))
-        if algorithm.exact and measured.wrong:
+        explained = remarks(result)
+        for sentence in explained:
+            self._warn(f"frame {cell.frame}: {cell.label}: {sentence}")
+        if cell.algorithm.exact and measured.wrong and not explained:
             self._warn(f"frame {cell.frame}: {cell.label} is meant to be exact but has {measured.wrong} wrong samples")
-        if "counts" in self.options.only:
-            result.counts, result.levels = probe.all_counts(), probe.levels
-        if "timings" in self.options.only:
-            with self._clock("cells", cell.label):
-                self._repeat(algorithm, frame, buffer, result)
-        result.memory_bytes = probe.memory_bytes
-        result.jit_seconds = round(self.seconds["compilation"] - compiled_before, 6)
-        if "images" in self.options.only:
-            with self._clock("images"):
-                folder = self.folder.image_folder(cell.frame, cell.label)
-                files = pictures.write_shadow_pictures(folder, frame, buffer, errors, probe.heat, cell.label)
-                result.files = {name: path.relative_to(self.folder.path).as_posix() for name, path in files.items()}
+        return errors
 
     def _prepare(self, cell: Cell, frame: Frame) -> Frame:
         """Attach what the algorithm prepares from the mesh, made once per mesh."""
@@ -213,12 +216,16 @@ class Runner:
         return Frame(frame.mesh, frame.light, frame.camera, frame.image, frame.samples, frame.bias, prepared)
 
     def _repeat(self, algorithm: Algorithm, frame: Frame, expected: ShadowBuffer, result: CellResult) -> None:
-        """Warm up the build without counting, then time it."""
-        algorithm.shadows(frame, Probe())
-        for _ in range(self.options.repeats):
+        """Time the build without counting, once it is compiled and, if wanted, has run before."""
+        if self.options.warm_up:
+            algorithm.shadows(frame, Probe())
+        while len(result.total_seconds) < self.options.repeats:
             probe = Probe()
             start = time.perf_counter()
-            buffer = algorithm.shadows(frame, probe)
+            with jit.CompileWatch(lambda: None) as watch:
+                buffer = algorithm.shadows(frame, probe)
+            if watch.seconds > 0:
+                continue
             result.total_seconds.append(time.perf_counter() - start)
             for stage, seconds in probe.stages.items():
                 result.stages.setdefault(stage, []).append(seconds)
@@ -245,6 +252,27 @@ class Runner:
             self.progress.note(f"warning: {text}")
 
 
+class Runner(Measurer):
+    """Carries out a run: the cells of one scene into a run folder; parameters as in `Measurer`."""
+
+    def __init__(self, scene: Scene, load_seconds: float, cells: list[Cell], options: RunOptions, folder: RunFolder,
+                 progress: Progress) -> None:
+        super().__init__(scene, load_seconds, cells, options, folder, progress)
+        self.run_folder = folder
+
+    def run(self) -> RunSummary:
+        """Run everything that is planned, and write tables, status and report of what is finished."""
+        self.measure()
+        status: RunStatus = "interrupted" if self.summary.interrupted else "done"
+        if status == "done" and any(cell.status == "failed" for cell in self.run_folder.cells):
+            status = "partial"
+        self.run_folder.write_tables()
+        self.run_folder.write_status(status, warnings=self.summary.warnings,
+                                     seconds={name: round(value, 6) for name, value in self.seconds.items()})
+        write_report(self.run_folder)
+        return self.summary
+
+
 def _check_buffer(buffer: ShadowBuffer, frame: Frame) -> None:
     """Refuse a shadow buffer of the wrong size or type."""
     shape = frame.samples.candidate.shape
@@ -254,8 +282,9 @@ def _check_buffer(buffer: ShadowBuffer, frame: Frame) -> None:
 
 def _outcome(result: CellResult) -> str:
     """One short phrase for the progress log."""
-    if result.status != "done" or result.accuracy is None:
+    if result.status != "done":
         return f"{result.status}: {result.reason}"
-    wrong = result.accuracy.false_shadow + result.accuracy.false_light
+    a = result.accuracy
+    verified = "not compared with the reference" if a is None else f"{a.false_shadow + a.false_light} wrong"
     time_text = f", {1e3 * float(np.median(result.total_seconds)):.1f} ms" if result.total_seconds else ""
-    return f"{wrong} wrong{time_text}"
+    return verified + time_text

@@ -58,7 +58,7 @@ class Twin:
             columns, rows = -(-columns // self.grids[0][0]), -(-rows // self.grids[0][1])
         self.root = self.make_tile(0, 0, 0)
         self.counts = {name: np.zeros(len(self.grids), np.int64) for name in
-                       ("tests", "trivial_accepts", "trivial_rejects", "refinements")}
+                       ("tests", "trivial_accepts", "trivial_rejects", "refinements", "fruitless_refinements")}
         self.retries = 0
 
     def make_tile(self, level, x0, y0):
@@ -104,23 +104,28 @@ class Twin:
         return self
 
     def visit(self, k, tile, level):
+        """Test what is in a tile; True if anything in it is found in shadow."""
+        found = False
         self.counts["tests"][level] += self.params.branching
         self.per_triangle[self.triangle[k]] += self.params.branching
         self.visits.setdefault((-level, tile.x0, tile.y0), [tile, 0])[1] += 1
         if level == len(self.grids) - 1:
             for i in tile.samples:
                 if not (self.params.skip_shadowed and self.in_shadow[i]):
-                    self.test_sample(k, i)
-            return
+                    found |= self.test_sample(k, i)
+            return found
         children = [child for child in tile.children if self.is_open(child)]
         outcome = [(child, self.classify(k, child)) for child in children]
         for child, kind in outcome:
             self.counts[kind][level] += 1
             if kind == "trivial_accepts":
-                self.in_shadow[self.inside(child)] = True
+                self.in_shadow[self.inside(child)] = found = True
         for child, kind in outcome:
             if kind == "refinements":
-                self.visit(k, child, level + 1)
+                fruitful = self.visit(k, child, level + 1)
+                self.counts["fruitless_refinements"][level] += not fruitful
+                found |= fruitful
+        return found
 
     def classify(self, k, tile):
         """Test a tile's box: screen extent of all its samples, depth of those in the tree."""
@@ -144,13 +149,15 @@ class Twin:
         return "trivial_accepts" if accepted else "refinements"
 
     def test_sample(self, k, i):
+        """Test a sample; True if it is found in shadow."""
         values = [value(row, self.x[i], self.y[i], self.r[i]) for row in self.rows[k, :WEDGE_ROW]]
         if max(values) > LIMIT:
-            return
+            return False
         if not max(values) < -LIMIT:
             self.retries += 1
             x, y, r = self.samples.plane_x[i], self.samples.plane_y[i], 1.0 / self.samples.depth[i]
             exact = [value(row, x, y, r) for row in self.exact_rows[k]]
             if max(exact[:CAP_ROW]) > 0 or exact[CAP_ROW] >= 0:
-                return
+                return False
         self.in_shadow[i] = True
+        return True

@@ -21,18 +21,17 @@ class Planes(NamedTuple):
 
 
 class Boxes(NamedTuple):
-    n_chunks: int
     y: np.ndarray
     x: np.ndarray
     r: np.ndarray
 
 
 @kernel
-def run_all(planes, row, boxes, x0, x_step, y0, r0, alive):
-    eye = lanes.outside_eye_planes(planes, row, boxes, x0, x_step, y0, r0, alive)
-    wedge = lanes.outside_wedge_planes(planes, row, boxes, x0, x_step, y0, r0, alive)
-    outside, partial = lanes.classify_boxes(planes, row, boxes, x0, x_step, y0, r0, alive)
-    samples = lanes.classify_samples(planes, row, boxes, x0, x_step, y0, r0, alive)
+def run_all(planes, row, boxes, n_chunks, x0, x_step, y0, r0, alive):
+    eye = lanes.outside_eye_planes(planes, row, boxes, n_chunks, x0, x_step, y0, r0, alive)
+    wedge = lanes.outside_wedge_planes(planes, row, boxes, n_chunks, x0, x_step, y0, r0, alive)
+    outside, partial = lanes.classify_boxes(planes, row, boxes, n_chunks, x0, x_step, y0, r0, alive)
+    samples = lanes.classify_samples(planes, row, boxes, n_chunks, x0, x_step, y0, r0, alive)
     return eye, wedge, outside, partial, samples[0], samples[1]
 
 
@@ -83,7 +82,7 @@ def example(seed, n_chunks, shared_x):
               for k, box in enumerate(boxes)]
     flat = np.concatenate([pad, rows.reshape(-1)])
     x, y, r = stored
-    arguments = (Planes(flat), 3, Boxes(n_chunks, y, x, r), 1, 0 if shared_x else lanes.LANES, 2, 3)
+    arguments = (Planes(flat), 3, Boxes(y, x, r), n_chunks, 1, 0 if shared_x else lanes.LANES, 2, 3)
     return rows, boxes, arguments
 
 

@@ -15,7 +15,7 @@ from shadowbench.algorithms.ptsv import EYE_EDGES, Params, Ptsv
 from shadowbench.algorithms.reference import reference_frame
 from shadowbench.geometry import Camera, Frame, ImageSize, Light, Mesh
 from shadowbench.jit import set_threads
-from shadowbench.kernels.shadow_frustum import View, find_facing, make_frusta
+from shadowbench.kernels.shadow_frustum import View, casting_triangles, find_facing, make_frusta
 from shadowbench.probe import Probe
 from shadowbench.view_samples import render_view_samples
 from tests.ptsv_twin import Twin
@@ -107,7 +107,7 @@ def test_counts_equal_the_twin(seed, kind, params):
     assert np.array_equal(shadow.astype(bool), twin.in_shadow)
     assert probe.levels["node_tests"] == twin.counts["tests"][:-1].tolist()
     assert probe.counts["sample_tests"] == twin.counts["tests"][-1]
-    for name in ("trivial_accepts", "trivial_rejects", "refinements"):
+    for name in ("trivial_accepts", "trivial_rejects", "refinements", "fruitless_refinements"):
         assert probe.levels[name] == twin.counts[name][:-1].tolist()
     assert probe.counts["float64_sample_tests"] == twin.retries
     assert np.array_equal(probe.triangle_counts["test_and_set"], twin.per_triangle)
@@ -124,7 +124,7 @@ def frusta_of(frame, params):
     sides = np.empty(frame.mesh.n_triangles, np.int8)
     find_facing(frame.mesh.corners, frame.light.xyzw(), sides)
     view = View(*frame.camera[:4], frame.light.xyzw(), frame.bias, reach)
-    return make_frusta(frame.mesh.corners, sides, Ptsv(params).casters(frame), view,
+    return make_frusta(frame.mesh.corners, sides, casting_triangles(sides, Ptsv(params).casters(frame)), view,
                        EYE_EDGES[params.culling_planes], "wedge" in params.culling_planes)
 
 

@@ -17,6 +17,7 @@ from shadowbench.kernels.shadow_frustum import (
     N_ROWS,
     WEDGE_ROW,
     View,
+    casting_triangles,
     find_facing,
     make_frusta,
 )
@@ -40,7 +41,7 @@ def make_light(rng, origin=0.0):
 def set_up(corners, light, view, eye_edges=OUTLINE_EDGES, wedge=True, casters=None):
     sides = np.empty(len(corners), np.int8)
     find_facing(corners, light.xyzw(), sides)
-    return make_frusta(corners, sides, casters, view, eye_edges, wedge), sides
+    return make_frusta(corners, sides, casting_triangles(sides, casters), view, eye_edges, wedge), sides
 
 
 def soup(rng, n=40, origin=0.0):

@@ -4,6 +4,7 @@ That no sample is wrong with robust settings is tested together with the other e
 """
 
 import hashlib
+import html
 import json
 import os
 import subprocess
@@ -25,7 +26,13 @@ from shadowbench.kernels.shadow_volumes import find_casters
 from shadowbench.kernels.volume_extrusion import VolumeKind, make_faces
 from shadowbench.kernels.volume_limits import no_limits
 from shadowbench.kernels.volume_polygons import volume_view
+from shadowbench.plan import RunOptions, describe, plan_cells
 from shadowbench.probe import Probe
+from shadowbench.progress import Progress
+from shadowbench.report.table import summary
+from shadowbench.results import RunFolder
+from shadowbench.runner import Runner
+from shadowbench.scenes.loader import load_scene
 from tests.hard_cases import HARD_CASES, Case, box, ground, mesh_of, soup
 from tests.stencil_twin import shadow_counts, stencil_counts
 
@@ -112,13 +119,13 @@ def stack(n):
     """A floor under n parallel plates, all above one another, seen from the side."""
     plate = np.array([[[-2.0, 2, -2], [2, 2, 2], [2, 2, -2]], [[-2.0, 2, -2], [-2, 2, 2], [2, 2, 2]]])
     return Case(mesh_of(ground(), *[plate + [0, 0.01 * i, 0] for i in range(n)]), Camera((6, 1.5, 5), (0, 0, 0)),
-                Light.directional(0.1, -1, 0.05)).frame()
+                Light.directional(0.1, -1, 0.05))
 
 
 @METHODS
 def test_eight_bits_overflow_from_256_volumes_on(method):
     for n, lost in ((255, False), (256, True), (257, False)):
-        frame = stack(n)
+        frame = stack(n).frame()
         shadow, probe = run(method, frame, stencil_bits=8)
         assert probe.counts["peak_stencil"] == n
         assert (probe.counts["stencil_overflows"] > 0) == (n > 255)
@@ -129,6 +136,50 @@ def test_eight_bits_overflow_from_256_volumes_on(method):
             shadow, probe = run(method, frame, stencil_bits=bits)
             assert wrong(shadow, frame) == probe.counts["stencil_overflows"] == 0
             assert probe.memory_bytes["stencil"] == frame.samples.depth.size * bits // 8
+
+
+def run_in_words(case, method, folder, **params):
+    """The summary table, the report's text and the warnings of a run of a case through a scene file."""
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in case.mesh.vertices.tolist()]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in case.mesh.triangles.tolist()]
+    (folder / "mesh.obj").write_text("\n".join(lines))
+    camera, light = case.camera, case.light.xyzw().tolist()
+    where = f"{{position: {light[:3]}}}" if light[3] else f"{{direction: {[-x for x in light[:3]]}}}"
+    (folder / "case.yaml").write_text(
+        f"geometry: [{{mesh: mesh.obj}}]\nlight: {where}\n"
+        f"camera: {{eye: {list(camera.eye)}, target: {list(camera.target)}, near: {camera.near}}}\n"
+        f"image: {{width: {case.image.width}, height: {case.image.height}}}\n")
+    scene = load_scene(folder / "case.yaml")
+    cells = plan_cells(scene, [(method.name, method.Params(**params))], [0])
+    options = RunOptions((0,), only=frozenset({"counts"}))
+    run = RunFolder(folder / "run", describe(scene, options, ["shadowbench"]), len(cells))
+    with Progress(len(cells), quiet=True) as progress:
+        result = Runner(scene, 0.0, cells, options, run, progress).run()
+    return summary(result.cells), html.unescape((folder / "run" / "report.html").read_text()), result
+
+
+@METHODS
+def test_table_and_report_name_an_overflow(method, tmp_path):
+    table, report, result = run_in_words(stack(256), method, tmp_path, stencil_bits=8)
+    n_lost = result.cells[0].accuracy.false_light
+    sentence = f"a count of 256 wrapped to 0; {n_lost:,} samples lit that should be dark"
+    assert n_lost > 20 and "the 8-bit stencil overflowed" in table
+    assert sentence in table and sentence in report and any(sentence in text for text in result.warnings)
+    assert not any("meant to be exact" in text for text in result.warnings)
+
+
+def test_table_and_report_name_volumes_around_the_eye(tmp_path):
+    case = HARD_CASES["camera in many shadow volumes"]
+    for setting in ("off", "robust"):
+        folder = tmp_path / setting
+        folder.mkdir()
+        table, report, result = run_in_words(case, ZPass, folder, eye_count=setting)
+        n_around, a = result.cells[0].counts["eye_volumes"], result.cells[0].accuracy
+        sentence = (f"the eye is in {n_around} shadow volumes that were not counted (eye_count=off); "
+                    f"{a.false_shadow + a.false_light:,} samples wrong")
+        assert n_around > 1
+        assert (sentence in table) == (sentence in report) == (setting == "off")
+        assert (sentence in " ".join(result.warnings)) == bool(result.warnings) == (setting == "off")
 
 
 def test_overflow_spoils_the_whole_screen():

@@ -23,14 +23,10 @@ from shadowbench.algorithms.base import (
 )
 from shadowbench.kernels import shadow_frustum
 from shadowbench.kernels.caster_selection import closed_triangles, select_casters
-from shadowbench.kernels.culling_planes import OUTLINE_EDGES, SILHOUETTE_EDGES
+from shadowbench.kernels.culling_planes import EYE_EDGES
 from shadowbench.kernels.depth_hierarchy import TileTree, build_tile_tree
 from shadowbench.kernels.shadow_hierarchy import Counts, empty_counts, empty_shadow, merge_shadow, tests_per_sample
 from shadowbench.kernels.tile_traversal import Planes, traverse
-
-EYE_EDGES = {"none": 0, "silhouette": SILHOUETTE_EDGES, "wedge": 0,
-             "outline": OUTLINE_EDGES, "outline+wedge": OUTLINE_EDGES}
-"""Edges of the frustum that may give a plane through the eye, for each value of `culling_planes`."""
 
 DEPTH_BYTES_PER_TILE = 4
 """Modelled: a smallest and a largest depth of 16 bits. At 4096 x 4096 that is the 2.1 MB that the paper states."""
@@ -57,7 +53,7 @@ class Ptsv(Algorithm):
     exact = True
     stages = ("hierarchy", "frustum_setup", "traversal", "merge")
     counters = ("node_tests", "sample_tests", "trivial_accepts", "trivial_rejects", "refinements",
-                "float64_sample_tests")
+                "fruitless_refinements", "float64_sample_tests")
     Params = Params
 
     def prepare(self, mesh: Mesh) -> NDArray[np.bool_] | None:
@@ -83,7 +79,8 @@ class Ptsv(Algorithm):
             casters = select_casters(params.casters, sides, self._closed(frame))
             reach = np.array([np.abs(plane_x).max(), np.abs(plane_y).max(), largest_r])
             view = shadow_frustum.View(*frame.camera[:4], frame.light.xyzw(), frame.bias, reach)
-            frusta = shadow_frustum.make_frusta(frame.mesh.corners, sides, casters, view,
+            triangles = shadow_frustum.casting_triangles(sides, casters)
+            frusta = shadow_frustum.make_frusta(frame.mesh.corners, sides, triangles, view,
                                                 EYE_EDGES[params.culling_planes], "wedge" in params.culling_planes)
         shadow = empty_shadow(tree)
         counts = empty_counts(tree, len(frusta.triangle)) if probe.counting else None
@@ -136,6 +133,7 @@ def _record_counts(tree: TileTree, frusta: shadow_frustum.Frusta, counts: Counts
     probe.count_levels("trivial_accepts", counts.accepts.sum(axis=0)[:-1])
     probe.count_levels("trivial_rejects", counts.rejects.sum(axis=0)[:-1])
     probe.count_levels("refinements", counts.refinements.sum(axis=0)[:-1])
+    probe.count_levels("fruitless_refinements", (counts.refinements - counts.fruitful).sum(axis=0)[:-1])
     probe.count("float64_sample_tests", counts.retries.sum())
     per_triangle = np.zeros(n_triangles, np.int64)
     at_root = int(tree.occupied[0] != 0)

@@ -21,7 +21,7 @@ import numpy as np
 
 from shadowbench.jit import kernel
 from shadowbench.kernels.lanes import A_WEIGHT, B_WEIGHT, C_WEIGHT, D_WEIGHT
-from shadowbench.kernels.vectors import add, cross, dot, item, minus, scaled
+from shadowbench.kernels.vectors import add, cross, dot, minus, scaled
 
 UNUSED = (0.0, 0.0, 0.0, -1.0)
 """A row that no point is outside of."""
@@ -37,6 +37,10 @@ joins vertices i and i + 1), 3 is the cap, 4 the face at infinity, which the eye
 
 SILHOUETTE_EDGES, OUTLINE_EDGES = 3, 9
 """How many of `EDGES` the silhouette planes and the outline planes go through."""
+
+EYE_EDGES = {"none": 0, "silhouette": SILHOUETTE_EDGES, "wedge": 0,
+             "outline": OUTLINE_EDGES, "outline+wedge": OUTLINE_EDGES}
+"""Edges of the frustum that may give a plane through the eye, for each choice of culling planes."""
 
 SLACK = 2.0**-27
 """How far culling rows are moved outwards: an eighth of the float32 error, far above float64's."""
@@ -96,12 +100,17 @@ def _limit(m, weight, growth):
 
 
 @kernel
-def eye_plane(directions, g, h, growth, space):
-    """Row of the plane through the eye and two directions; `UNUSED` if it does not bound the frustum."""
-    m = cross(item(directions, g), item(directions, h))
+def eye_plane(g, h, generators, growth, space):
+    """Row of the plane through the eye and two directions; `UNUSED` if it does not bound the frustum.
+
+    Parameters
+    ----------
+    generators : unit vectors from the eye whose cone encloses the frustum: its vertices and the light's rays there.
+    """
+    m = cross(g, h)
     low = high = 0.0
-    for i in range(6):
-        value = dot(m, item(directions, i))
+    for i in range(len(generators)):
+        value = dot(m, generators[i])
         low, high = min(low, value), max(high, value)
     row, weight = row_in_proj(m, 0.0, space)
     limit = _limit(m, weight, growth)
@@ -111,19 +120,24 @@ def eye_plane(directions, g, h, growth, space):
 
 
 @kernel
-def wedge_plane(side_a, side_b, i, directions, vertices, largest_v, growth, space):
-    """Row of the wedge plane of vertex i, between two side planes; `UNUSED` if it does not bound the frustum."""
+def wedge_plane(side_a, side_b, i, rays, vertices, largest_v, growth, space):
+    """Row of the wedge plane of vertex i, between two side planes; `UNUSED` if it does not bound the frustum.
+
+    Parameters
+    ----------
+    rays : unit vectors of the light's rays at the vertices; vertices : relative to the eye, the longest `largest_v`.
+    """
     half = add(side_a, side_b)
     if dot(half, half) < SMALLEST_HALF:
         return UNUSED
     # Remove what rounding left along the ray, so that the plane contains the light
-    ray = item(directions, 3 + i)
+    ray = rays[i]
     m = minus(half, scaled(ray, dot(half, ray)))
     c = -dot(m, vertices[i])
     row, weight = row_in_proj(m, c, space)
     limit = _limit(m, weight, growth)
     for j in range(3):
         if (dot(m, minus(vertices[j], vertices[i])) > limit * largest_v
-                or dot(m, item(directions, 3 + j)) > limit):
+                or dot(m, rays[j]) > limit):
             return UNUSED
     return _culling_plane(row, 1.0 / weight)

@@ -15,9 +15,9 @@ in the same order a row's value at the reject corner is at most its value at any
 corner at least. Whatever a box's test decides beyond `UNDECIDED`, the test of each of its samples would have decided:
 boxes need no margin.
 
-**Layout.** Tests take a record with the array ``rows`` and the place of the first row, and a record with the arrays
-``x``, ``y`` and ``r``, the places of the group's coordinates in them, and the number ``n_chunks``. A group has that
-many chunks of `LANES` lanes. Coordinates y and r hold one value per lane; a box's largest values follow its smallest
+**Layout.** Tests take a record with the array ``rows`` and the place of the first row, a record with the arrays
+``x``, ``y`` and ``r``, the number of chunks of a group, and the places of its coordinates in the arrays. A chunk has
+`LANES` lanes. Coordinates y and r hold one value per lane; a box's largest values follow its smallest
 ones, ``n_chunks * LANES`` further on. With ``x_step = LANES`` so does x; with ``x_step = 0`` all chunks share `LANES`
 values of x, and the largest ones follow `LANES` further on.
 """
@@ -32,7 +32,7 @@ from numba.extending import intrinsic
 LANES = 8
 """Values per vector."""
 
-N_EYE_PLANES, N_WEDGE_PLANES, N_FRUSTUM_PLANES = 6, 3, 4
+N_EYE_PLANES, N_WEDGE_PLANES, N_FRUSTUM_PLANES, N_GROUP_PLANES = 6, 3, 4, 5
 """Rows of each kind that are tested together."""
 
 A_WEIGHT, B_WEIGHT, C_WEIGHT, D_WEIGHT = 5.0, 6.0, 5.0, 4.0
@@ -149,15 +149,13 @@ def _make_test(n_rows, n_coordinates, corners, conditions):
     returned = types.UniTuple(types.uint64, len(conditions)) if len(conditions) > 1 else types.uint64
 
     @intrinsic
-    def test_group(typing_context, planes, row, boxes, x0, x_step, y0, r0, alive):
-        signature = returned(planes, types.int64, boxes, types.int64, types.int64, types.int64, types.int64,
-                             types.uint64)
+    def test_group(typing_context, planes, row, boxes, n_chunks, x0, x_step, y0, r0, alive):
+        signature = returned(planes, types.int64, boxes, *[types.int64] * 5, types.uint64)
 
         def codegen(context, builder, signature, args):
-            planes, row, boxes, x0, x_step, y0, r0, alive = args
+            planes, row, boxes, n_chunks, x0, x_step, y0, r0, alive = args
             rows = _array(context, builder, signature.args[0], planes, "rows")
             x, y, r = (_array(context, builder, signature.args[2], boxes, name) for name in "xyr")
-            n_chunks = builder.extract_value(boxes, signature.args[2].fields.index("n_chunks"))
             plane_rows = _Rows(builder, rows, row, n_rows, n_coordinates)
             lanes = builder.mul(n_chunks, _int64(LANES))
             shared = builder.icmp_signed("==", x_step, _int64(0))
@@ -189,6 +187,9 @@ outside_eye_planes = _make_test(N_EYE_PLANES, 2, (False,), (_OUTSIDE,))
 
 outside_wedge_planes = _make_test(N_WEDGE_PLANES, 3, (False,), (_OUTSIDE,))
 """Mask of the boxes that lie outside one of the wedge planes."""
+
+outside_group_planes = _make_test(N_GROUP_PLANES, 3, (False,), (_OUTSIDE,))
+"""Mask of the boxes that lie outside one side or the cap plane of a group's bounding frustum."""
 
 classify_boxes = _make_test(N_FRUSTUM_PLANES, 3, (False, True), (_OUTSIDE, (">=", -UNDECIDED, 1)))
 """Masks of the boxes that lie outside one frustum plane, and of those not certainly inside all of them."""

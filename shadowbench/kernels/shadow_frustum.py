@@ -20,6 +20,7 @@ import numpy as np
 from shadowbench.jit import kernel, parallel_kernel, prange
 from shadowbench.kernels.culling_planes import (
     EDGES,
+    OUTLINE_EDGES,
     UNUSED,
     Space,
     eye_plane,
@@ -27,7 +28,8 @@ from shadowbench.kernels.culling_planes import (
     tolerance_growth,
     wedge_plane,
 )
-from shadowbench.kernels.vectors import corner, cross, dot, minus, scaled, vector
+from shadowbench.kernels.lanes import N_EYE_PLANES
+from shadowbench.kernels.vectors import corner, cross, dot, item, minus, scaled, store_row, vector
 
 CAP_ROW, WEDGE_ROW, EYE_ROW, N_ROWS = 3, 4, 7, 13
 """First row of each kind of plane, and the number of rows."""
@@ -47,7 +49,7 @@ class Frusta(NamedTuple):
 
     Attributes
     ----------
-    triangle : int64 (n_casters,), increasing: the mesh's triangle of each frustum.
+    triangle : int64 (n_casters,): the mesh's triangle of each frustum.
     rows : float32 (n_casters * ROW_SIZE,), rows (a, b, c, d) in proj space, scaled as `lanes` asks.
     exact_rows : float64 (n_casters, 4, 4), side and cap rows before rounding to float32.
     """
@@ -86,12 +88,14 @@ def _from_light(v, light):
 
 @kernel
 def _before(a, b):
-    """Lexicographic order of two positions."""
-    if a[0] != b[0]:
-        return a[0] < b[0]
-    if a[1] != b[1]:
-        return a[1] < b[1]
-    return a[2] < b[2]
+    """Lexicographic order of two positions, without branches: which comes first can't be predicted."""
+    return (a[0] < b[0]) | ((a[0] == b[0]) & ((a[1] < b[1]) | ((a[1] == b[1]) & (a[2] < b[2]))))
+
+
+@kernel
+def _choose(condition, a, b):
+    """One vector or the other, without a branch."""
+    return a[0] if condition else b[0], a[1] if condition else b[1], a[2] if condition else b[2]
 
 
 @kernel
@@ -140,97 +144,82 @@ def _plane(m, c, space):
 
 
 @kernel
-def _side_normal(a, b, from_light_a, from_light_b, side):
-    """Outward unit normal of the plane through the light and the edge from a to b, taken in canonical order."""
-    if _before(a, b):
-        m, sign = cross(from_light_a, minus(b, a)), side
-    else:
-        m, sign = cross(from_light_b, minus(a, b)), -side
-    return scaled(m, sign / np.sqrt(dot(m, m)))
+def _side_plane(a, b, ray_a, ray_b, vertex_a, vertex_b, side):
+    """Outward unit normal of the plane through the light and the edge from a to b, and the plane's value at the eye.
+
+    The edge is taken in canonical order: only the sign differs between two triangles that share it.
+    """
+    before = _before(a, b)
+    start = _choose(before, a, b)
+    m = cross(_choose(before, ray_a, ray_b), minus(_choose(before, b, a), start))
+    m = scaled(m, (side if before else -side) / np.sqrt(dot(m, m)))
+    return m, -dot(m, _choose(before, vertex_a, vertex_b))
 
 
 @kernel
-def _value_at_eye(m, a, b, vertex_a, vertex_b):
-    """Value at the eye of the plane with normal m through the canonically first of two vertices."""
-    return -dot(m, vertex_a if _before(a, b) else vertex_b)
-
-
-@kernel
-def _store_direction(directions, i, v):
-    """Store a vector as a unit vector; returns its length."""
+def _unit(v):
+    """A vector made a unit vector (zero stays zero), and its length."""
     length = np.sqrt(dot(v, v))
-    scale = 1.0 / length if length > 0.0 else 0.0
-    directions[i, 0], directions[i, 1], directions[i, 2] = v[0] * scale, v[1] * scale, v[2] * scale
-    return length
-
-
-@kernel
-def _store_row(rows, first, row):
-    """Store a row as float32."""
-    for j in range(4):
-        rows[first + j] = row[j]
-
-
-@kernel
-def _make_frustum(k, triangle, side, space, eye_edges, wedge_planes, directions, rows, exact_rows):
-    """Write all rows of one frustum."""
-    p, q, s = triangle
-    vertices = minus(p, space.eye), minus(q, space.eye), minus(s, space.eye)
-    rays = _from_light(p, space.light), _from_light(q, space.light), _from_light(s, space.light)
-    # Cap plane: towards the light is outside
-    normal = cross(minus(q, p), minus(s, p))
-    normal = scaled(normal, side / np.sqrt(dot(normal, normal)))
-    height = -dot(normal, vertices[0])
-    # Side planes
-    m0, m1, m2 = (_side_normal(p, q, rays[0], rays[1], side), _side_normal(q, s, rays[1], rays[2], side),
-                  _side_normal(s, p, rays[2], rays[0], side))
-    c0, c1, c2 = (_value_at_eye(m0, p, q, vertices[0], vertices[1]), _value_at_eye(m1, q, s, vertices[1], vertices[2]),
-                  _value_at_eye(m2, s, p, vertices[2], vertices[0]))
-    own = (_plane(m0, c0, space), _plane(m1, c1, space), _plane(m2, c2, space),
-           _plane(normal, height + space.bias, space))
-    first = k * ROW_SIZE
-    for row in range(WEDGE_ROW):
-        _store_row(rows, first + 4 * row, own[row])
-        for j in range(4):
-            exact_rows[k, row, j] = own[row][j]
-    # Culling planes
-    for row in range(WEDGE_ROW, N_ROWS):
-        _store_row(rows, first + 4 * row, UNUSED)
-    if eye_edges == 0 and not wedge_planes:
-        return
-    largest_v = largest_e = 0.0
-    for i in range(3):
-        largest_v = max(largest_v, _store_direction(directions, i, vertices[i]))
-        largest_e = max(largest_e, _store_direction(directions, 3 + i, rays[i]))
-    for i, edge in enumerate((minus(q, p), minus(s, q), minus(p, s))):
-        _store_direction(directions, 6 + i, edge)
-    growth = tolerance_growth(largest_v, largest_e, abs(dot(normal, rays[0])), space)
-    if wedge_planes:
-        sides = m2, m0, m1, m2
-        for i in range(3):
-            _store_row(rows, first + 4 * (WEDGE_ROW + i),
-                       wedge_plane(sides[i], sides[i + 1], i, directions, vertices, largest_v, growth, space))
-    outside = c0 > 0.0, c1 > 0.0, c2 > 0.0, height > 0.0, False
-    row = EYE_ROW
-    for edge in range(eye_edges):
-        if outside[EDGES[edge, 2]] != outside[EDGES[edge, 3]] and row < N_ROWS:
-            _store_row(rows, first + 4 * row, eye_plane(directions, EDGES[edge, 0], EDGES[edge, 1], growth, space))
-            row += 1
+    return scaled(v, 1.0 / length if length > 0.0 else 0.0), length
 
 
 @kernel
 def _frusta_part(corners, sides, view, eye_edges, wedge_planes, frusta, worker):
-    n = len(frusta.triangle)
-    light, reach = view.light, view.reach
+    """Write the rows of a share of the frusta.
+
+    Arrays are read and written here alone, through intrinsics: a function takes a reference count for each of its own.
+    """
+    n, light, triangles, rows, exact_rows = len(frusta.triangle), view.light, frusta.triangle, frusta.rows, frusta.exact_rows
     space = Space(vector(view.eye), vector(view.right), vector(view.up), vector(view.forward),
-                   (light[0], light[1], light[2], light[3]), view.bias, vector(reach))
-    # Unit vectors: the vertices seen from the eye, the light's rays there, the edges
-    directions = np.empty((9, 3))
+                  (light[0], light[1], light[2], light[3]), view.bias, vector(view.reach))
+    directions, chosen = np.empty((9, 3)), np.empty(OUTLINE_EDGES + 1, np.int64)
     for k in range(n * worker // N_WORKERS, n * (worker + 1) // N_WORKERS):
-        t = frusta.triangle[k]
-        triangle = corner(corners, t, 0), corner(corners, t, 1), corner(corners, t, 2)
-        _make_frustum(k, triangle, sides[t], space, eye_edges, wedge_planes, directions, frusta.rows,
-                      frusta.exact_rows)
+        t, first = triangles[k], k * N_ROWS
+        side, p, q, s = sides[t], corner(corners, t, 0), corner(corners, t, 1), corner(corners, t, 2)
+        vertices = minus(p, space.eye), minus(q, space.eye), minus(s, space.eye)
+        rays = _from_light(p, space.light), _from_light(q, space.light), _from_light(s, space.light)
+        # Side planes and cap plane: towards the light is outside
+        m0, c0 = _side_plane(p, q, rays[0], rays[1], vertices[0], vertices[1], side)
+        m1, c1 = _side_plane(q, s, rays[1], rays[2], vertices[1], vertices[2], side)
+        m2, c2 = _side_plane(s, p, rays[2], rays[0], vertices[2], vertices[0], side)
+        normal = cross(minus(q, p), minus(s, p))
+        normal = scaled(normal, side / np.sqrt(dot(normal, normal)))
+        height = -dot(normal, vertices[0])
+        own = (_plane(m0, c0, space), _plane(m1, c1, space), _plane(m2, c2, space),
+               _plane(normal, height + space.bias, space))
+        for row in range(WEDGE_ROW):
+            store_row(rows, first + row, own[row])
+            store_row(exact_rows, 4 * k + row, own[row])
+        # Culling planes
+        for row in range(WEDGE_ROW, N_ROWS):
+            store_row(rows, first + row, UNUSED)
+        if eye_edges == 0 and not wedge_planes:
+            continue
+        (v0, length0), (v1, length1), (v2, length2) = _unit(vertices[0]), _unit(vertices[1]), _unit(vertices[2])
+        (e0, reach0), (e1, reach1), (e2, reach2) = _unit(rays[0]), _unit(rays[1]), _unit(rays[2])
+        largest_v, largest_e = max(length0, length1, length2), max(reach0, reach1, reach2)
+        growth = tolerance_growth(largest_v, largest_e, abs(dot(normal, rays[0])), space)
+        if wedge_planes:
+            for i in range(3):
+                store_row(rows, first + WEDGE_ROW + i, wedge_plane((m2, m0, m1)[i], (m0, m1, m2)[i], i, (e0, e1, e2),
+                                                                   vertices, largest_v, growth, space))
+        if eye_edges == 0:
+            continue
+        generators = v0, v1, v2, e0, e1, e2
+        for i in range(6):
+            store_row(directions, i, generators[i])
+        for i, edge in enumerate((minus(q, p), minus(s, q), minus(p, s))):
+            store_row(directions, 6 + i, _unit(edge)[0])
+        # Edges between a face that the eye is outside of and one that it is inside of
+        faces = np.int64(c0 > 0.0) | np.int64(c1 > 0.0) << 1 | np.int64(c2 > 0.0) << 2 | np.int64(height > 0.0) << 3
+        n_chosen = 0
+        for edge in range(eye_edges):
+            chosen[n_chosen] = edge
+            n_chosen += (faces >> EDGES[edge, 2] ^ faces >> EDGES[edge, 3]) & 1
+        for row in range(min(n_chosen, N_EYE_PLANES)):
+            edge = chosen[row]
+            g, h = item(directions, EDGES[edge, 0]), item(directions, EDGES[edge, 1])
+            store_row(rows, first + EYE_ROW + row, eye_plane(g, h, generators, growth, space))
 
 
 @parallel_kernel
@@ -239,20 +228,45 @@ def _fill_frusta(corners, sides, view, eye_edges, wedge_planes, frusta):
         _frusta_part(corners, sides, view, eye_edges, wedge_planes, frusta, worker)
 
 
-def make_frusta(corners, sides, casters, view, eye_edges, wedge_planes):
-    """Set up the shadow frusta of all triangles that cast.
+def casting_triangles(sides, casters):
+    """Triangles that cast: int64 (n_casters,), increasing.
+
+    Parameters
+    ----------
+    sides : int8 (n_triangles,), from `find_facing`; triangles with 0 cast nothing.
+    casters : bool (n_triangles,), the triangles that may cast, or None for all.
+    """
+    return np.flatnonzero(sides != 0 if casters is None else (sides != 0) & casters)
+
+
+def make_frusta(corners, sides, triangles, view, eye_edges, wedge_planes):
+    """Set up the shadow frusta of the triangles that cast.
 
     Parameters
     ----------
     corners : float64 (n_triangles, 3, 3), world, finite.
-    sides : int8 (n_triangles,), from `find_facing`; triangles with 0 cast nothing.
-    casters : bool (n_triangles,), the triangles that may cast, or None for all.
+    sides : int8 (n_triangles,), from `find_facing`.
+    triangles : int64 (n_casters,), those that cast, in the order that the frusta shall have.
     view : camera, light, bias and the reach of the samples.
     eye_edges : how many of `EDGES` may give planes through the eye: 0, SILHOUETTE_EDGES or OUTLINE_EDGES.
     wedge_planes : True to make the wedge planes.
     """
-    casting = sides != 0 if casters is None else (sides != 0) & casters
-    triangle = np.flatnonzero(casting)
-    frusta = Frusta(triangle, np.empty(len(triangle) * ROW_SIZE, np.float32), np.empty((len(triangle), 4, 4)))
+    frusta = Frusta(triangles, np.empty(len(triangles) * ROW_SIZE, np.float32), np.empty((len(triangles), 4, 4)))
     _fill_frusta(corners, sides, view, eye_edges, wedge_planes, frusta)
     return frusta
+
+
+@kernel
+def inside_in_float64(rows, k, x, y, r):
+    """Tell whether a sample is in a frustum: on or inside the side planes, strictly inside the cap plane.
+
+    Parameters
+    ----------
+    rows : float64 (n_frusta, 4, 4), `Frusta.exact_rows`; k : which frustum.
+    x, y, r : float64, the sample in proj space.
+    """
+    for row in range(CAP_ROW):
+        if rows[k, row, 0] * x + (rows[k, row, 1] * y + rows[k, row, 3]) + rows[k, row, 2] * r > 0.0:
+            return False
+    return (rows[k, CAP_ROW, 0] * x + (rows[k, CAP_ROW, 1] * y + rows[k, CAP_ROW, 3])
+            + rows[k, CAP_ROW, 2] * r) < 0.0

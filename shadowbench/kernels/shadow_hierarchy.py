@@ -35,6 +35,7 @@ class Counts(NamedTuple):
     frustum_visits : int32 (branching, n_frusta), visits below each root child.
     accepts, rejects, refinements : int64 (branching, n_levels), children of each level's nodes wholly inside a
         frustum, outside one of its planes, and neither; only occupied children that are still to be tested.
+    fruitful : int64 (branching, n_levels), of the refinements, those below which the frustum put something in shadow.
     retries : int64 (branching,), samples tested again in float64.
     """
 
@@ -43,6 +44,7 @@ class Counts(NamedTuple):
     accepts: np.ndarray
     rejects: np.ndarray
     refinements: np.ndarray
+    fruitful: np.ndarray
     retries: np.ndarray
 
 
@@ -58,7 +60,7 @@ def empty_counts(tree, n_frusta):
     levels = (branching, len(tree.levels))
     return Counts(np.zeros(len(tree.occupied), np.int64), np.zeros((branching, n_frusta), np.int32),
                   np.zeros(levels, np.int64), np.zeros(levels, np.int64), np.zeros(levels, np.int64),
-                  np.zeros(branching, np.int64))
+                  np.zeros(levels, np.int64), np.zeros(branching, np.int64))
 
 
 @kernel

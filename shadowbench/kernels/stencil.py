@@ -201,7 +201,25 @@ def _draw_checked(face, spans, n_spans, sign, view, faces, z_fail, target, mask,
 
 
 @kernel
-def _draw_fast(spans, n_spans, sign, plane, where, columns, rows, depth, stencil):
+def _count_span(row, first, end, size, where, line, columns, depth, fragments, depth_tests, updates):
+    """Count what `_draw_fast` does in a span: `size` for each sample; returns the number of updates.
+
+    `line` holds f at the eye, and the two numbers that give its slope along a row.
+    """
+    n_updates, value, along, across = 0, line[0], line[1], line[2]
+    for column in range(first, end):
+        f = value + depth[row, column] * (along + columns[column] * across)
+        hit = f <= 0.0 if where == BEHIND_PLANE else f > 0.0
+        changed = size if hit else 0
+        fragments[row, column] += size
+        depth_tests[row, column] += size
+        updates[row, column] += changed
+        n_updates += changed
+    return n_updates
+
+
+@kernel
+def _draw_fast(spans, n_spans, sign, plane, where, columns, rows, depth, stencil, counts, entry):
     """Draw the spans of a face whose plane the eye is not in, where f <= 0 (BEHIND_PLANE) or f > 0."""
     nothing = np.uint32(0)
     across, upwards = plane[1], plane[2]
@@ -210,6 +228,10 @@ def _draw_fast(spans, n_spans, sign, plane, where, columns, rows, depth, stencil
         along = plane[3] - rows[row] * upwards
         # Unsigned indices need no test for negative ones, which lets the loops become vector code
         first, end = np.uint64(spans[i, 1]), np.uint64(spans[i, 2])
+        if counts is not None:
+            counts.per_entry[entry] += _count_span(row, first, end, abs(spans[i, 3] * sign), where,
+                                                   (plane[0], along, across), columns, depth, counts.fragments,
+                                                   counts.depth_tests, counts.updates)
         if where == BEHIND_PLANE:
             for column in range(first, end):
                 f = plane[0] + depth[row, column] * (along + columns[column] * across)
@@ -233,10 +255,11 @@ def _draw_face(face, first_row, last_row, view, faces, z_fail, target, limits, m
     side, sign = faces.eye_side[face], np.int64(-faces.multiplicity[face] if z_fail else faces.multiplicity[face])
     depths = (limits.depths[part, 0], limits.depths[part, 1])
     unbounded = depths[0] == -np.inf and depths[1] == np.inf
-    if side in (BEHIND_PLANE, BEFORE_PLANE) and unbounded and len(mask) == 0 and counts is None:
+    if side in (BEHIND_PLANE, BEFORE_PLANE) and unbounded and len(mask) == 0:
         plane = (faces.plane[face, 0], faces.plane[face, 1], faces.plane[face, 2], faces.plane[face, 3])
         where = side if z_fail else BEHIND_PLANE + BEFORE_PLANE - side
-        _draw_fast(spans, n_spans, sign, plane, where, view.x, view.down, target.depth, target.stencil)
+        _draw_fast(spans, n_spans, sign, plane, where, view.x, view.down, target.depth, target.stencil,
+                   counts, entry)
     else:
         _draw_checked(face, spans, n_spans, sign, view, faces, z_fail, target, mask, depths, counts, entry)
 

@@ -19,7 +19,7 @@ from shadowbench.kernels.lanes import (
     outside_eye_planes,
     outside_wedge_planes,
 )
-from shadowbench.kernels.shadow_frustum import CAP_ROW, EYE_ROW, ROW_SIZE, WEDGE_ROW
+from shadowbench.kernels.shadow_frustum import EYE_ROW, ROW_SIZE, WEDGE_ROW, inside_in_float64
 
 N_WORKERS = 64
 """Parts that the root tests are cut into."""
@@ -56,10 +56,10 @@ def _root_part(tree, frusta, planes, tests, worker):
     for k in range(n * worker // N_WORKERS, n * (worker + 1) // N_WORKERS):
         first, alive = k * ROW_SIZE, occupied
         if planes.eye:
-            alive &= ~outside_eye_planes(frusta, first + 4 * EYE_ROW, tree, 0, 0, 0, 0, alive)
+            alive &= ~outside_eye_planes(frusta, first + 4 * EYE_ROW, tree, tree.n_chunks, 0, 0, 0, 0, alive)
         if planes.wedge and alive != 0:
-            alive &= ~outside_wedge_planes(frusta, first + 4 * WEDGE_ROW, tree, 0, 0, 0, 0, alive)
-        outside, partial = classify_boxes(frusta, first, tree, 0, 0, 0, 0, alive)
+            alive &= ~outside_wedge_planes(frusta, first + 4 * WEDGE_ROW, tree, tree.n_chunks, 0, 0, 0, 0, alive)
+        outside, partial = classify_boxes(frusta, first, tree, tree.n_chunks, 0, 0, 0, 0, alive)
         tests.alive[k], tests.partial[k] = alive & ~outside, partial
 
 
@@ -67,16 +67,6 @@ def _root_part(tree, frusta, planes, tests, worker):
 def _test_root(tree, frusta, planes, tests):
     for worker in prange(N_WORKERS):
         _root_part(tree, frusta, planes, tests, worker)
-
-
-@kernel
-def _inside_in_float64(rows, k, x, y, r):
-    """Decide a sample: on or inside the side planes, strictly inside the cap plane."""
-    for row in range(CAP_ROW):
-        if rows[k, row, 0] * x + (rows[k, row, 1] * y + rows[k, row, 3]) + rows[k, row, 2] * r > 0.0:
-            return False
-    return (rows[k, CAP_ROW, 0] * x + (rows[k, CAP_ROW, 1] * y + rows[k, CAP_ROW, 3])
-            + rows[k, CAP_ROW, 2] * r) < 0.0
 
 
 @kernel
@@ -90,7 +80,7 @@ def _outside_in_float64(tree, frusta, k, row, column, undecided, depth):
         undecided ^= bit
         y, x = row * level.grid_y + lane // level.grid_x, column * level.grid_x + lane % level.grid_x
         r = 1.0 / depth[y * len(tree.plane_x) + x]
-        if not _inside_in_float64(frusta.exact_rows, k, tree.plane_x[x], tree.plane_y[y], r):
+        if not inside_in_float64(frusta.exact_rows, k, tree.plane_x[x], tree.plane_y[y], r):
             outside |= bit
     return outside
 
@@ -175,6 +165,7 @@ def _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts):
             counts.refinements[worker, 0] += n_stacked
             counts.accepts[worker, 0] += 1 - n_stacked
         first = k * ROW_SIZE
+        fruitful = np.uint64(0)      # a bit per level: its latest node has been counted; levels above hold the ancestors
         while n_stacked > 0:
             n_stacked -= 1
             index, row, column = _unpack(stack[n_stacked])
@@ -188,7 +179,8 @@ def _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts):
                 counts.frustum_visits[worker, k] += 1
             if index == last:
                 # The tile's samples; what float32 leaves open is decided in float64
-                outside, unsure = classify_samples(frusta, first, tree, x0, 0, y0, samples_r + lanes * tile, candidates)
+                r0 = samples_r + lanes * tile
+                outside, unsure = classify_samples(frusta, first, tree, tree.n_chunks, x0, 0, y0, r0, candidates)
                 closed = candidates & ~outside
                 if closed & unsure != 0:
                     if counts is not None:
@@ -199,10 +191,10 @@ def _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts):
                 # The node's children: culling planes first, the frustum's own for those that survive
                 r0, alive = 2 * lanes * node, candidates
                 if planes.eye:
-                    alive &= ~outside_eye_planes(frusta, first + 4 * EYE_ROW, tree, x0, 0, y0, r0, alive)
+                    alive &= ~outside_eye_planes(frusta, first + 4 * EYE_ROW, tree, tree.n_chunks, x0, 0, y0, r0, alive)
                 if planes.wedge:
-                    alive &= ~outside_wedge_planes(frusta, first + 4 * WEDGE_ROW, tree, x0, 0, y0, r0, alive)
-                outside, partial = classify_boxes(frusta, first, tree, x0, 0, y0, r0, alive)
+                    alive &= ~outside_wedge_planes(frusta, first + 4 * WEDGE_ROW, tree, tree.n_chunks, x0, 0, y0, r0, alive)
+                outside, partial = classify_boxes(frusta, first, tree, tree.n_chunks, x0, 0, y0, r0, alive)
                 alive &= ~outside
                 partial &= alive
                 closed = alive ^ partial
@@ -219,6 +211,13 @@ def _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts):
                     stack[n_stacked] = _pack(index + 1, child_row + lane // level.grid_x,
                                              child_column + lane % level.grid_x)
                     n_stacked += 1
+            if counts is not None:
+                fruitful &= (np.uint64(1) << np.uint64(index)) - np.uint64(1)
+                above = index if closed != 0 else 0
+                while above > 0 and fruitful >> np.uint64(above) & np.uint64(1) == 0:
+                    fruitful |= np.uint64(1) << np.uint64(above)
+                    above -= 1
+                    counts.fruitful[worker, above] += 1
             if planes.skip_shadowed and closed != 0:
                 shadow.open[node] = candidates & ~closed
                 if candidates == closed:

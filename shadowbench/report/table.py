@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from shadowbench.report.remarks import remarks
 from shadowbench.results import CellResult
 
 HEADER = ("frame", "method", "wrong", "ties", "shadowed", "test_and_set", "all_work", "time ms", "memory KiB", "")
@@ -18,10 +19,11 @@ def summary_row(cell: CellResult) -> tuple[str, ...]:
     a = cell.accuracy
     milliseconds = f"{1e3 * float(np.median(cell.total_seconds)):.1f}" if cell.total_seconds else ""
     counts = [f"{cell.counts[name]:,}" if cell.counts else "" for name in ("test_and_set", "all_work")]
-    memory = f"{sum(cell.memory_bytes.values()) / 1024:,.0f}"
+    held = sum(size for name, size in cell.memory_bytes.items() if not name.startswith("modelled_"))
+    memory = f"{held / 1024:,.0f}"
     share = f"{100.0 * a.shadowed / a.lit_candidates:.2f} %" if a.lit_candidates else ""
     return (str(cell.frame), cell.label, f"{a.false_shadow + a.false_light:,}", f"{a.edge_tie:,}",
-            share, *counts, milliseconds, memory, "")
+            share, *counts, milliseconds, memory, "; ".join(remarks(cell)))
 
 
 def format_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

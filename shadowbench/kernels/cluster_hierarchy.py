@@ -1,0 +1,297 @@
+"""The view-sample cluster hierarchy: a tree over the clusters that hold samples (Sintorn et al. 2014, sec. 2 and 2.1).
+
+Clusters are found tile by tile, sorted by their keys, and grouped upwards, five bits of the key at a time. Only nodes
+that hold samples are numbered: the root is node 0, then level by level in the order of the keys; the clusters come
+last. A node's children are consecutive nodes.
+
+**Layouts.** The boxes of a node's children stand together, coordinate by coordinate, for `shadowbench.kernels.lanes`.
+In the *full* layout every possible node has its place and a child's lane is the part of its key, as the child masks of
+the paper have it. In the *compact* layout the children that exist stand side by side.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.kernels.cluster_bounds import (
+    Bounds,
+    bound_clusters,
+    implicit_bounds,
+    join_bounds,
+    write_boxes,
+)
+from shadowbench.kernels.cluster_keys import TILE, TILE_SAMPLES
+from shadowbench.kernels.lanes import LANES, lowest_bit
+from shadowbench.kernels.row_lanes import row_between, row_bounds, row_mask, store_reciprocals
+
+N_WORKERS = 32
+"""Bands that the rows of tiles are cut into."""
+
+ROOM_PER_TILE = 8, TILE_SAMPLES
+"""Clusters per tile, on average over a band, that there is room for at first, and if that is not enough."""
+
+_INDEX_BITS = np.uint64(32)
+_ONE = np.uint64(1)
+
+
+class TileSamples(NamedTuple):
+    """The view samples tile by tile, in the layout of `shadowbench.kernels.lanes`: a chunk is a row of the tile.
+
+    Attributes
+    ----------
+    x : float32, position of the 8 columns of each tile column on the image plane.
+    y : float32, position of the 64 samples of each tile row.
+    r : float32, 1 / depth of the 64 samples of each tile, tile by tile; 0 for those that are not included.
+    columns, rows : number of tile columns and rows.
+    plane_x, plane_y : float64, position of every column and row of samples.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    r: np.ndarray
+    columns: int
+    rows: int
+    plane_x: np.ndarray
+    plane_y: np.ndarray
+
+
+class _Found(NamedTuple):
+    """Clusters as they are found, one stretch of the arrays per band of tile rows."""
+
+    key: np.ndarray
+    place: np.ndarray       # slice and tile, packed
+    mask: np.ndarray
+    r_low: np.ndarray       # smallest and largest 1 / depth
+    r_high: np.ndarray
+    count: np.ndarray       # clusters per band
+    start: np.ndarray       # where each band's stretch begins, and where the last one ends
+
+
+class Nodes(NamedTuple):
+    """The tree.
+
+    Attributes
+    ----------
+    first : int64 (n_levels + 1,), first node of each level, the clusters' last.
+    first_child : int32 (n_inner,); parent : int32 (n_nodes,).
+    lane : int8 (n_nodes,), where a node's box stands among those of its siblings.
+    occupied : uint64 (n_inner,), a bit per lane that holds a child.
+    place : int64 (n_inner,), where the boxes of a node's children start in `x`, `y` and `r`.
+    n_chunks : int8 (n_inner,), their chunks of lanes.
+    x, y, r : float32, smallest, then largest coordinates of the children of each node.
+    """
+
+    first: np.ndarray
+    first_child: np.ndarray
+    parent: np.ndarray
+    lane: np.ndarray
+    occupied: np.ndarray
+    place: np.ndarray
+    n_chunks: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    r: np.ndarray
+
+
+class Clusters(NamedTuple):
+    """The clusters that hold samples, in the order of their keys.
+
+    Attributes
+    ----------
+    key : uint64 (n_clusters,); slice : int64 (n_clusters,), z'; tile : int32 (n_clusters,), row by row.
+    samples : uint64 (n_clusters,), the bits of its samples in the tile.
+    r_low, r_high : float32 (n_clusters,), smallest and largest 1 / depth.
+    """
+
+    key: np.ndarray
+    slice: np.ndarray
+    tile: np.ndarray
+    samples: np.ndarray
+    r_low: np.ndarray
+    r_high: np.ndarray
+
+
+def tile_samples(plane_x, plane_y):
+    """Lay out the positions of samples by tiles; the last column and row are repeated beyond the image."""
+    columns, rows = -(-len(plane_x) // TILE), -(-len(plane_y) // TILE)
+    x = plane_x.astype(np.float32)[np.minimum(np.arange(columns * TILE), len(plane_x) - 1)]
+    y = plane_y.astype(np.float32)[np.minimum(np.arange(rows * TILE), len(plane_y) - 1)]
+    r = np.empty(columns * rows * TILE_SAMPLES, np.float32)
+    return TileSamples(x, np.repeat(y, TILE), r, columns, rows, plane_x, plane_y)
+
+
+@kernel
+def _find_in_band(worker, samples, depth, bits, included, layout, slices, found):
+    """Find the clusters of a band of tile rows. Rows of samples are padded to whole tiles. -1: there is no room.
+
+    One function, because a call takes a reference count for each array in the records that it passes.
+    """
+    n_columns, n_rows = samples.columns * TILE, len(samples.plane_y)
+    tile_r, starts, guide = samples.r, slices.start, slices.guide
+    shift, first_range, last_range = slices.shift, slices.first, len(slices.guide) - 1
+    keys, places, masks = found.key, found.place, found.mask
+    lows, highs = found.r_low, found.r_high
+    slot_of_slice = np.full(len(starts) - 1, -1, np.int64)
+    n, end = found.start[worker], found.start[worker + 1]
+    for tile_row in range(samples.rows * worker // N_WORKERS, samples.rows * (worker + 1) // N_WORKERS):
+        height = min(TILE, n_rows - tile_row * TILE)
+        for tile_column in range(samples.columns):
+            tile = tile_row * samples.columns + tile_column
+            before, offset = n, tile * TILE_SAMPLES
+            for iy in range(TILE):
+                sample, place = (tile_row * TILE + iy) * n_columns + tile_column * TILE, offset + iy * TILE
+                if iy >= height:
+                    tile_r[place:place + TILE] = 0.0
+                    continue
+                waiting = row_mask(included, sample)
+                store_reciprocals(depth, sample, waiting, tile_r, place)
+                while waiting != 0:
+                    # Eq. 1: the slice that the depth's range begins in, or the next
+                    first = sample + lowest_bit(waiting)
+                    z = guide[min(max((bits[first] >> shift) - first_range, 0), last_range)]
+                    z += depth[first] >= starts[z + 1]
+                    # Take all samples of the row that lie in it
+                    taken = waiting & row_between(depth, sample, starts[z] if z > 0 else 0.0, starts[z + 1])
+                    low, high = row_bounds(tile_r, place, taken)
+                    waiting ^= taken
+                    # The cluster last noted for the slice, if it is of this tile
+                    slot = slot_of_slice[z]
+                    if slot < before:
+                        if n == end:
+                            found.count[worker] = -1
+                            return
+                        slot = n
+                        slot_of_slice[z] = slot
+                        keys[slot] = layout.key_x[tile_column] | layout.key_y[tile_row] | layout.key_z[z]
+                        places[slot] = (np.int64(z) << 32) + tile
+                        masks[slot] = 0
+                        lows[slot], highs[slot] = low, high
+                        n += 1
+                    masks[slot] |= taken << np.uint64(iy * TILE)
+                    lows[slot] = low if low < lows[slot] else lows[slot]
+                    highs[slot] = high if high > highs[slot] else highs[slot]
+    found.count[worker] = n - found.start[worker]
+
+
+@parallel_kernel
+def _find(samples, depth, bits, included, layout, slices, found):
+    for worker in prange(N_WORKERS):
+        _find_in_band(worker, samples, depth, bits, included, layout, slices, found)
+
+
+def find_clusters(samples, depth, included, layout, slices):
+    """Group the included samples into clusters, and lay out their depths by tiles (filled in `samples`)."""
+    n_columns, n_rows = len(samples.plane_x), len(samples.plane_y)
+    if n_columns % TILE:
+        padding = (0, 0), (0, -n_columns % TILE)
+        depth = np.pad(depth.reshape(n_rows, -1), padding, constant_values=1.0).reshape(-1)
+        included = np.pad(included.reshape(n_rows, -1), padding).reshape(-1)
+    found = None
+    for room in ROOM_PER_TILE:
+        start = samples.rows * np.arange(N_WORKERS + 1) // N_WORKERS * samples.columns * room
+        n = int(start[-1])
+        found = _Found(np.empty(n, np.uint64), np.empty(n, np.int64), np.empty(n, np.uint64),
+                       np.empty(n, np.float32), np.empty(n, np.float32), np.zeros(N_WORKERS, np.int64), start)
+        _find(samples, depth, depth.view(np.int64), included, layout, slices, found)
+        if found.count.min() >= 0:
+            break
+    slots = np.concatenate([np.arange(s, s + n) for s, n in zip(start[:-1], found.count, strict=True)])
+    order = np.sort((found.key[slots] << _INDEX_BITS) | slots.astype(np.uint64))
+    slots = (order & np.uint64(0xFFFFFFFF)).astype(np.int64)
+    place = found.place[slots]
+    return Clusters(order >> _INDEX_BITS, place >> 32, (place & 0xFFFFFFFF).astype(np.int32), found.mask[slots],
+                    found.r_low[slots], found.r_high[slots])
+
+
+@kernel
+def _link(nodes, level, layout, clusters, first_cluster, base, full):
+    """Group a level's children into its nodes.
+
+    Parameters
+    ----------
+    first_cluster : int64 (n_nodes,), a cluster of each node: those of the children are known, those of the nodes set.
+    base : where the places of this level start.
+    full : True for the full layout.
+
+    Returns
+    -------
+    Where the places of the next level down start, in the compact layout.
+    """
+    bits, shift = np.uint64(layout.level_bits[level]), np.uint64(layout.shift[level + 1])
+    node, first_child = nodes.first[level] - 1, nodes.first[level + 1]
+    for child in range(first_child, nodes.first[level + 2]):
+        key = clusters.key[first_cluster[child]] >> shift
+        if child == first_child or key >> bits != clusters.key[first_cluster[child - 1]] >> shift >> bits:
+            node += 1
+            nodes.first_child[node] = child
+            nodes.occupied[node] = 0
+            first_cluster[node] = first_cluster[child]
+        lane = np.int64(key & ((_ONE << bits) - _ONE)) if full else child - nodes.first_child[node]
+        nodes.parent[child], nodes.lane[child] = node, lane
+        nodes.occupied[node] |= _ONE << np.uint64(lane)
+    # Give each node room for its children's boxes
+    block = 2 * LANES * -(-(1 << layout.level_bits[level]) // LANES)
+    for node in range(nodes.first[level], nodes.first[level + 1]):
+        last = nodes.first_child[node + 1] if node + 1 < nodes.first[level + 1] else nodes.first[level + 2]
+        n_lanes = 1 << layout.level_bits[level] if full else last - nodes.first_child[node]
+        nodes.n_chunks[node] = -(-n_lanes // LANES)
+        if full:
+            nodes.place[node] = base + block * np.int64(clusters.key[first_cluster[node]] >> shift >> bits)
+        else:
+            nodes.place[node] = base
+            base += 2 * LANES * nodes.n_chunks[node]
+    return base
+
+
+def _place_nodes(nodes, layout, clusters, full):
+    """Link all levels; returns a cluster of each node and the size of the arrays of coordinates."""
+    n_levels = len(layout.level_bits)
+    first_cluster = np.empty(len(nodes.parent), np.int64)
+    first_cluster[nodes.first[n_levels]:] = np.arange(len(clusters.key))
+    blocks = 2 * LANES * -(-(1 << layout.level_bits) // LANES)
+    starts = np.concatenate([[0], np.cumsum(blocks << (layout.shift[0] - layout.shift[:-1]))])
+    end = 0
+    for level in range(n_levels - 1, -1, -1):
+        end = _link(nodes, level, layout, clusters, first_cluster, int(starts[level]) if full else end, full)
+    return first_cluster, int(starts[-1]) if full else end
+
+
+def build_cluster_tree(samples, depth, included, layout, slices, explicit, full):
+    """Build the hierarchy over the samples of a frame.
+
+    Parameters
+    ----------
+    samples : positions by tiles; its depths are filled in.
+    depth : float64 (n_samples,), row by row; positive, inf allowed.
+    included : bool (n_samples,), the samples that the hierarchy holds.
+    layout, slices : how cluster coordinates become keys.
+    explicit : True for the bounds of the samples, False for those that follow from the keys.
+    full : True for the full layout of the boxes, False for the compact one.
+
+    Returns
+    -------
+    Clusters and nodes. If no sample is included, both are empty.
+    """
+    clusters = find_clusters(samples, depth, included, layout, slices)
+    n_clusters = len(clusters.key)
+    if n_clusters == 0:
+        return clusters, None
+    # Count the different prefixes of the keys on every level
+    n_nodes = [1 + int(np.count_nonzero(np.diff(clusters.key >> np.uint64(shift)))) for shift in layout.shift[:-1]]
+    first = np.concatenate([[0], np.cumsum(n_nodes)])
+    n_inner, n_all = int(first[-1]), int(first[-1]) + n_clusters
+    empty = np.empty(0, np.float32)
+    nodes = Nodes(np.append(first, n_all), np.empty(n_inner, np.int32), np.full(n_all, -1, np.int32),
+                  np.zeros(n_all, np.int8), np.empty(n_inner, np.uint64), np.empty(n_inner, np.int64),
+                  np.empty(n_inner, np.int8), empty, empty, empty)
+    first_cluster, size = _place_nodes(nodes, layout, clusters, full)
+    nodes = nodes._replace(x=np.zeros(size, np.float32), y=np.zeros(size, np.float32), r=np.zeros(size, np.float32))
+    bounds = Bounds(np.empty((n_all, 3), np.float32), np.empty((n_all, 3), np.float32))
+    if explicit:
+        bound_clusters(clusters, samples, bounds, n_inner)
+        join_bounds(nodes, bounds)
+    else:
+        implicit_bounds(nodes, clusters, first_cluster, samples, layout, slices, bounds)
+    write_boxes(nodes, bounds)
+    return clusters, nodes

@@ -1,0 +1,193 @@
+"""Items to reproduce: what each is made of, from made-up cells to its folder; the committed results; verdicts; rows."""
+
+import json
+import re
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shadowbench import image_io
+from shadowbench.algorithm_specs import parse_algorithm_spec, validate_params
+from shadowbench.errors import InputError
+from shadowbench.reproduce import ALL_PAPERS, all_items, find_items
+from shadowbench.reproduce.items import Claim, Measured, Measurement, Range, about, at_least, at_most
+from shadowbench.reproduce.output import Circumstances, markdown_table, verdict_json, verdict_table, write_item
+from shadowbench.reproduce.rows import cell_rows, mean, read_csv, to_csv, values, variation
+from shadowbench.reproduce.store import Origin
+from shadowbench.results import AccuracyRecord, CellResult, make_label
+from shadowbench.scenes import SCENES
+
+RESULTS = Path(__file__).parent.parent / "results"
+ITEMS = pytest.mark.parametrize("item", all_items(), ids=lambda item: item.id)
+
+
+class MadeUp(dict):
+    """A dictionary with a number for every name, the same every time."""
+
+    def __init__(self, seed):
+        self.seed = seed
+
+    def __missing__(self, name):
+        return zlib.crc32(f"{self.seed} {name}".encode()) % 10**6 + 1
+
+    def get(self, name, default=None):
+        return self[name]
+
+
+def made_up(measurement):
+    """Cells of a measurement with numbers that nobody measured."""
+    cells = []
+    for frame in measurement.frames:
+        for method in measurement.methods:
+            name, params = parse_algorithm_spec(method)
+            label = make_label(name, validate_params(name, params).model_dump(exclude_defaults=True))
+            numbers = MadeUp((measurement.scene, measurement.size, frame, label))
+            cells.append(Measured(measurement, CellResult.model_construct(
+                key=label, scene=measurement.scene, frame=frame, algorithm=name, label=label, status="done", params=params,
+                counts=numbers, memory_bytes=numbers, stages={}, total_seconds=[numbers["seconds"] * 1e-6],
+                levels={kind: [numbers[f"{kind}{level}"] for level in range(3)]
+                        for kind in ("node_tests", "refinements", "fruitless_refinements")},
+                accuracy=AccuracyRecord(samples=9, lit_candidates=9, shadowed=1, ambiguous=0, false_shadow=2, false_light=1,
+                                        edge_tie=0))))
+    return cells
+
+
+@pytest.fixture(scope="module")
+def picture(tmp_path_factory):
+    """A PNG file for every picture that an item asks for."""
+    file = tmp_path_factory.mktemp("picture") / "picture.png"
+    image_io.write_png(file, np.random.default_rng(0).integers(0, 255, (40, 30, 3), dtype=np.uint8))
+    return file
+
+
+class SamePicture(dict):
+    def __missing__(self, name):
+        return self.value
+
+    def __init__(self, value):
+        self.value = value
+
+
+@ITEMS
+def test_item_says_what_it_is(item):
+    assert item.paper in [paper.name for paper in ALL_PAPERS] and re.fullmatch(r"[A-Za-z0-9.]+", item.id)
+    assert item.title and item.source and item.shows and item.claims
+    for measurement in (*item.full, *item.quick):
+        assert measurement.scene in SCENES and max(measurement.frames) < measurement.n_frames
+    assert all(claim.partly.low <= claim.holds.low and claim.holds.high <= claim.partly.high for claim in item.claims)
+
+
+def test_ids_are_unique():
+    ids = [item.id for item in all_items()]
+    assert len(set(ids)) == len(ids) > 0
+
+
+@ITEMS
+@pytest.mark.parametrize("size", ["full", "quick"])
+def test_item_from_cells_to_folder(item, size, tmp_path, picture):
+    """Every file is there, the verdicts follow from data.csv alone, and the same cells give the same bytes."""
+    cells = [cell for measurement in getattr(item, size) for cell in made_up(measurement)]
+    folders = [tmp_path / "a", tmp_path / "b"] if size == "quick" else [tmp_path / "a"]
+    pictures = SamePicture(SamePicture(picture))
+    circumstances = Circumstances(f"shadowbench reproduce {item.paper}/{item.id}", [Origin("abc", "a processor", 2)])
+    for folder in folders:
+        verdicts = write_item(item, cells, pictures, folder, circumstances)
+    files = {path.name for path in folders[0].iterdir()}
+    assert {"data.csv", "table.md", "caption.md", "verdict.json"} <= files
+    assert ({"figure.svg", "figure.png"} <= files) == (item.plot is not None)
+    check_folder(item, folders[0])
+    assert item.judge(read_csv(folders[0] / "data.csv")) == verdicts
+    text = verdict_table(item, verdicts)
+    for claim, verdict in zip(item.claims, verdicts, strict=True):
+        assert claim.text in text and claim.published in text and verdict.measured in text
+    for folder in folders[1:]:
+        assert {path.name: path.read_bytes() for path in folder.iterdir()} == {
+            path.name: path.read_bytes() for path in folders[0].iterdir()}
+
+
+def check_folder(item, folder):
+    """The verdicts and the table follow from the data; the caption names what a reader needs."""
+    verdicts = item.judge(read_csv(folder / "data.csv"))
+    assert (folder / "verdict.json").read_text() == verdict_json(item, verdicts)
+    assert (folder / "table.md").read_text() == markdown_table(verdicts)
+    caption = (folder / "caption.md").read_text()
+    for measurement in item.full:
+        assert f"`{measurement.scene}`" in caption
+    assert "stand-in" in caption and f"`shadowbench reproduce {item.paper}/{item.id}" in caption
+    assert "commit " in caption and "thread" in caption
+
+
+@ITEMS
+def test_committed_results_are_whole(item):
+    """The results in the repository are of full size, and every verdict is recomputed from the data beside it."""
+    folder = RESULTS / item.paper / item.id
+    check_folder(item, folder)
+    caption = (folder / "caption.md").read_text()
+    assert "--quick" not in caption and "dirty" not in caption
+    assert (folder / "figure.svg").exists() == (folder / "figure.png").exists() == (item.plot is not None)
+    assert all(path.stat().st_size < 2 * 2**20 for path in folder.iterdir())
+    rows = read_csv(folder / "data.csv")
+    expected = {(m.scene, m.size, frame) for m in item.full for frame in m.frames}
+    assert {(row["scene"], row["size"], row["frame"]) for row in rows} == expected
+    assert all(row.get("wrong", 0) == 0 for row in rows), "exact methods"
+    verdicts = json.loads((folder / "verdict.json").read_text())["verdicts"]
+    assert [v["claim"] for v in verdicts] == [claim.text for claim in item.claims]
+
+
+@pytest.mark.parametrize(("value", "verdict"), [(2.0, "holds"), (4.0, "holds"), (1.9, "holds in part"),
+                                                (8.0, "holds in part"), (8.1, "does not hold"),
+                                                (float("nan"), "does not hold")])
+def test_verdict_by_two_ranges(value, verdict):
+    claim = Claim("text", "2 to 4x", lambda rows: value, Range(2, 4), Range(1, 8), otherwise="Because.")
+    result = claim.judge([])
+    assert result.verdict == verdict and result.measured == f"{value:.3g}x"
+    assert "within 2 to 4" in result.why
+    assert ("Because." in result.why) == (verdict != "holds")
+
+
+def test_ranges():
+    assert 1.9 not in at_least(2.0) and 2.0 in at_least(2.0) and str(at_least(2.0)) == "at least 2"
+    assert 2.1 not in at_most(2.0) and 2.0 in at_most(2.0) and str(at_most(2.0)) == "at most 2"
+    assert 1.5 in about(2.0, 0.25) and 2.5 in about(2.0, 0.25) and 1.49 not in about(2.0, 0.25)
+    claim = Claim("", "", lambda rows: 1.0, at_least(2.0), at_least(2.0))
+    assert claim.judge([]).why == "1x is not at least 2"
+
+
+def test_rows_hold_what_was_asked_for():
+    cell = made_up(Measurement("citadel", 64, (3,), ("ptsv[branching=16]",), published_size=1024))[0]
+    cell.cell.total_seconds, cell.cell.stages = [3.0, 1.0, 2.0], {"merge": [0.5, 0.25, 0.75]}
+    row, = cell_rows("seconds", "stage.merge", "stage.none", "wrong", "memory.x", "node_tests.level", "sample_tests")([cell])
+    counts = cell.cell.counts
+    assert row == {"scene": "citadel", "size": 64, "published_size": 1024, "frame": 3, "method": "ptsv+branching=16",
+                   "seconds": 2.0, "stage.merge": 0.5, "stage.none": 0.0, "wrong": 3, "memory.x": counts["x"],
+                   "node_tests.0": counts["node_tests0"], "node_tests.1": counts["node_tests1"],
+                   "node_tests.2": counts["node_tests2"], "sample_tests": counts["sample_tests"]}
+
+
+def test_csv_comes_back(tmp_path):
+    rows = [{"a": 1, "b": "x, y", "c": 0.5}, {"a": 2**60, "d": 1e-9}]
+    (tmp_path / "data.csv").write_text(to_csv(rows))
+    assert read_csv(tmp_path / "data.csv") == rows
+
+
+def test_sums_over_rows():
+    rows = [{"m": "a", "s": 1, "v": 2}, {"m": "a", "s": 1, "v": 4}, {"m": "b", "s": 1, "v": 9}]
+    assert values(rows, "v", m="a") == [2.0, 4.0] and mean(rows, "v", m="a", s=1) == 3.0
+    assert variation(rows, "v", m="a") == pytest.approx(1 / 3)
+    with pytest.raises(LookupError, match="no row with"):
+        mean(rows, "v", m="c")
+
+
+def test_items_are_found_by_paper_and_name():
+    assert [item.id for item in find_items("all")] == [item.id for item in all_items()]
+    assert {item.paper for item in find_items("sintorn2011")} == {"sintorn2011"}
+    assert [i.id for i in find_items("sintorn2011/S11.F5")] == [i.id for i in find_items("S11.F5")] == ["S11.F5"]
+
+
+@pytest.mark.parametrize(("what", "meant"), [("sintorn2012", "'sintorn2011'"), ("sintorn2011/F5", "'sintorn2011/S11.F5'"),
+                                             ("s11.f5", "'S11.F5'"), ("al", "'all'"), ("new/N6", "'new/N5'")])
+def test_unknown_items_are_told_what_was_meant(what, meant):
+    with pytest.raises(InputError, match=f"did you mean {re.escape(meant)}"):
+        find_items(what)
