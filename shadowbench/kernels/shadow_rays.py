@@ -1,6 +1,6 @@
 """Shadow rays: where they run, and the exact test of a ray against a triangle.
 
-**The test** is that of `tile_traversal` in float64, operation by operation: the sample, in the space ``_proj``, is on or
+**The test** is `shadow_frustum.inside_in_float64`, operation by operation: the sample, in the space ``_proj``, is on or
 inside the three side planes of the triangle's shadow frustum and strictly inside its cap plane, with the rows of
 `shadow_frustum.make_frusta`. So a ray tracer that asks it of enough triangles gives the same bits as `ptsv`.
 
@@ -94,7 +94,7 @@ def make_shadow_rays(mesh_corners, bounds, camera, light, bias, samples):
     reach = np.array([np.abs(samples.plane_x).max(), np.abs(samples.plane_y).max(), r])
     sides = np.empty(len(mesh_corners), np.int8)
     find_facing(mesh_corners, light, sides)
-    frusta = make_frusta(mesh_corners, sides, None, View(*camera, light, bias, reach), 0, False)
+    frusta = make_frusta(mesh_corners, sides, np.flatnonzero(sides), View(*camera, light, bias, reach), 0, False)
     centre = 0.5 * (bounds[0] + bounds[1])
     diagonal = _length(bounds[1] - bounds[0])
     origin, travel = light[:3].copy(), np.zeros(3)
