@@ -11,7 +11,8 @@ from shadowbench.algorithms.ray_traced import Params, RayTraced
 from shadowbench.geometry import Frame, Light
 from shadowbench.kernels.kdtree_build import LEAF, MAX_DEPTH, build_kdtree
 from shadowbench.kernels.kdtree_clip import CLIP_MARGIN, GRID, MAX_CORNERS, clipped_bounds
-from shadowbench.kernels.shadow_rays import make_shadow_rays
+from shadowbench.kernels.kdtree_traversal import empty_counts, trace
+from shadowbench.kernels.shadow_rays import MARGIN, make_shadow_rays
 from shadowbench.probe import Probe
 from tests import kdtree_twin
 from tests.hard_cases import HARD_CASES, Case, box, ground, mesh_of, soup
@@ -173,3 +174,27 @@ def test_all_counts_of_a_small_frame_equal_the_twin(light):
         assert probe.counts["kd_nodes"] == sum(twin.nodes for twin in twins)
         assert probe.counts["kd_leaves"] == sum(twin.leaves for twin in twins)
         assert probe.counts["triangle_tests"] == sum(twin.tests for twin in twins)
+
+
+def n_cells_within(ray, cells, distance):
+    """Cells that a ray passes within a distance (in the largest coordinate), between its ends."""
+    low, high = cells[:, :3] - distance - ray.origin, cells[:, 3:] + distance - ray.origin
+    ends = np.stack([low / ray.direction, high / ray.direction])
+    return int((np.maximum(ends.min(axis=0).max(axis=1), 0.0) <= np.minimum(ends.max(axis=0).min(axis=1), ray.end)).sum())
+
+
+def test_a_ray_visits_every_leaf_within_the_margin():
+    """The light lies 1.2 grid units beside planes that the tree is split at, so that many cells are only just missed."""
+    case = HARD_CASES["axis-aligned grid"]
+    step = 1.2 / build_kdtree(case.mesh.corners).scale
+    frame, rays = frame_and_rays(Case(case.mesh, case.camera, Light.point(step, 8.0, step)))
+    cells = np.array([cell for _, cell in leaves(frame.prepared)[0]])
+    counts, shadow = empty_counts(len(rays.depth)), np.zeros(len(rays.depth), np.float32)
+    trace(frame.prepared, rays, frame.samples.candidate, None, "stack", frame.samples.columns, shadow, counts)
+    just_missed = 0
+    for i in np.flatnonzero(frame.samples.candidate & (shadow == 0)):
+        ray = kdtree_twin.Ray(frame.prepared, rays, i)
+        least = n_cells_within(ray, cells, MARGIN - 0.5)
+        assert least <= counts.leaves[i] <= n_cells_within(ray, cells, MARGIN + 0.5)
+        just_missed += least > n_cells_within(ray, cells, 0.0)
+    assert MARGIN >= 2.0 and just_missed > 5
