@@ -63,3 +63,11 @@ def test_every_model_runs(name, models, tmp_path):
 def test_stencil_volumes_are_exact_on_every_model(name, models, tmp_path):
     for accuracy in run_model(name, models, tmp_path, "z_pass", "z_fail")[2:]:
         assert accuracy["false_shadow"] == accuracy["false_light"] == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_traced_shadows_are_exact_on_every_model(name, models, tmp_path):
+    methods = "ray_traced", "conservative_map", "conservative_map[raster=polygon]"
+    for accuracy in run_model(name, models, tmp_path, *methods)[2:]:
+        assert accuracy["false_shadow"] == accuracy["false_light"] == 0
