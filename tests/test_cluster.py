@@ -168,7 +168,7 @@ def wrong_samples(frame, params):
     return accuracy.measure(shadow, errors, ambiguous, frame.samples.candidate).wrong
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(SEEDS, KINDS, OPTIONS)
 def test_no_sample_is_wrong_with_any_combination_of_options(seed, kind, params):
     assert wrong_samples(frame_of(seed, kind, 60), params) == 0
