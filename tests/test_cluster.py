@@ -97,6 +97,11 @@ def test_image_size_knows_its_sample_grid(samples):
     assert (image.columns, image.rows) == (5 * len(pattern.x), 7 * len(pattern.y))
 
 
+def test_a_very_flat_image_has_slices_at_infinity():
+    slices = make_slices(1.0, 3.0, 1, 4096)
+    assert np.isinf(slices.start[-2]) and np.all(np.diff(slices.start[:100]) > 0)
+
+
 def test_too_large_an_image_is_refused_with_the_remedy():
     scene = load_scene("cubes", ["image.width=4096", "image.height=64"])
     assert Cluster(Params(layout="compact")).unsupported(scene) is None

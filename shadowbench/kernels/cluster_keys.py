@@ -109,7 +109,8 @@ def make_slices(start, tan_y, n_tile_rows, n_slices):
     step = 2.0 * tan_y / n_tile_rows
     boundaries = np.full(n_slices, 1.0 + step)
     boundaries[0] = start
-    boundaries = np.multiply.accumulate(boundaries)
+    with np.errstate(over="ignore"):        # far slices of a very flat image may begin at infinity
+        boundaries = np.multiply.accumulate(boundaries)
     # A range is 2^-n of an octave, so that it holds at most one boundary
     shift = MANTISSA_BITS - max(0, 1 - math.frexp(step)[1])
     ranges = boundaries.view(np.int64) >> shift
