@@ -29,10 +29,11 @@ def cell_rows(*columns: str) -> Callable[[Sequence[Measured]], list[Row]]:
 
 
 def where(measured: Measured) -> dict[str, int | float | str]:
-    """Say what was measured, in the columns `WHERE`."""
+    """Say what was measured, in the columns `WHERE`; also ``height`` and ``triangles`` where they are not the usual ones."""
     measurement, cell = measured
+    unusual = {"height": measurement.height, "triangles": measurement.triangles}
     return {"scene": cell.scene, "size": measurement.size, "published_size": measurement.published_size or measurement.size,
-            "frame": cell.frame, "method": cell.label}
+            "frame": cell.frame, "method": cell.label, **{name: value for name, value in unusual.items() if value}}
 
 
 def _values(measured: Measured, column: str) -> dict[str, int | float]:
