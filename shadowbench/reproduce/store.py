@@ -67,7 +67,8 @@ class CellStore:
         cell, here = kept.cell, (self.origin.machine, self.origin.threads)
         timed = not wanted.repeats or (len(cell.total_seconds) >= wanted.repeats and kept.origin[1:] == here
                                        and (kept.warm_up or not wanted.warm_up))
-        pictured = not wanted.images or ("gbuffer_exr" in cell.files and all((self.path / f).exists() for f in cell.files.values()))
+        pictured = not wanted.images or ("gbuffer_exr" in cell.files
+                                         and all((self.path / f).exists() for f in cell.files.values()))
         return timed and pictured and (cell.accuracy is not None or not wanted.verify)
 
     def add(self, cell: CellResult, warm_up: bool) -> None:

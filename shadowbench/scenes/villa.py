@@ -131,7 +131,7 @@ def _pool(builder: MeshBuilder, detail: float) -> None:
         length = high - low
         rail = Site.at(builder, end * (half + 0.25), 0.3, low, 90)
         n = round(length / 0.22)
-        x = (np.arange(n) + 0.5) * (length / n)
+        x = (np.arange(n, dtype=np.float64) + 0.5) * (length / n)
         rail.add(bars(x, 0.0, np.full(n, 0.75), 0.012, 4), "iron")
         rail.add(box((0.0, 0.55, -0.02), (length, 0.6, 0.02)), "iron")
         for z in (low - 0.25, high + 0.25):
