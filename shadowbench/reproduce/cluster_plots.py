@@ -70,7 +70,10 @@ def stage_times(evidence: Evidence, folder: Path) -> None:
              (ALL_CASTERS, "seconds", "clusters without FFC"), (PTSV, "seconds", "PTSV"), (Z_PASS, "seconds", "z-pass")]
     figure, axes = plots.panels(len(scenes))
     for panel, scene in zip(axes, scenes, strict=True):
+        methods = {row["method"] for row in evidence.rows if row["scene"] == scene}
         for color, (method, column, name) in zip(plots.COLORS, lines, strict=True):
+            if method.label not in methods:
+                continue
             found = by_frame(evidence.rows, method, column, scene=scene)
             style = "--" if method is Z_PASS else "-"
             plots.draw_line(panel, list(found), [1e3 * seconds for seconds in found.values()], name, color, style)

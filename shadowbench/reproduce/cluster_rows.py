@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Callable, Sequence
 
 from shadowbench.reproduce.items import Measured, Pictures, Row
 from shadowbench.reproduce.rows import cell_rows, where
@@ -44,38 +40,6 @@ def job_rows(measured: Sequence[Measured]) -> list[Row]:
 
 def add_tests_near_steps(rows: Sequence[Row], pictures: Pictures) -> list[Row]:
     """Add the mean tests per lit candidate near a depth discontinuity and elsewhere, and the share of those near one."""
-    return [{**row, **_tests_near_steps(pictures[str(row["method"])])} for row in rows]
+    from shadowbench.reproduce.depth_steps import tests_near_steps
 
-
-def _tests_near_steps(files: Mapping[str, Path]) -> dict[str, float]:
-    """Read one method's tests per sample and its view samples."""
-    from shadowbench import image_io
-
-    samples, tests = image_io.read_exr(files["gbuffer_exr"]), image_io.read_exr(files["shadow_exr"])["tests"]
-    candidate = samples["candidate"] != 0
-    near = near_steps(samples["depth"])
-    near, elsewhere = near & candidate, ~near & candidate
-    return {"near_share": round(float(near.sum() / candidate.sum()), 6), "tests_near": round(float(tests[near].mean()), 3),
-            "tests_elsewhere": round(float(tests[elsewhere].mean()), 3)}
-
-
-def near_steps(depth: NDArray[np.floating]) -> NDArray[np.bool_]:
-    """Tell which samples lie within `NEAR_STEP` rows and columns of a depth discontinuity.
-
-    Parameters
-    ----------
-    depth : (rows, columns), inf on background, which makes no discontinuity: no hierarchy holds it.
-    """
-    at: NDArray[np.bool_] = np.zeros(depth.shape, np.bool_)
-    for axis in (0, 1):
-        a, b = np.moveaxis(depth, axis, 0)[:-1], np.moveaxis(depth, axis, 0)[1:]
-        step = np.isfinite(a) & np.isfinite(b) & (np.maximum(a, b) >= STEP_OF_DEPTH * np.minimum(a, b))
-        along = np.moveaxis(at, axis, 0)
-        along[:-1] |= step
-        along[1:] |= step
-    # Grow by whole rows, then by whole columns.
-    for axis in (0, 1):
-        padded = np.pad(at, [(NEAR_STEP, NEAR_STEP) if i == axis else (0, 0) for i in (0, 1)])
-        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEAR_STEP + 1, axis)
-        at = np.asarray(windows.any(axis=-1))
-    return at
+    return [{**row, **tests_near_steps(pictures[str(row["method"])])} for row in rows]
