@@ -119,7 +119,8 @@ def test_generation_repeats_and_follows_the_seed(name):
     assert not np.array_equal(first.mesh.vertices, other.mesh.vertices)
 
 
-@pytest.mark.parametrize(("name", "triangles", "digest"), [("villa", villa.MINIMUM, "49bb70a9b62e078c"), ("fuzzy", 5_000, "9e9425c58e2a4b38")])
+@pytest.mark.parametrize(("name", "triangles", "digest"), [("villa", villa.MINIMUM, "49bb70a9b62e078c"),
+                                                           ("fuzzy", 5_000, "9e9425c58e2a4b38")])
 def test_bytes_are_those_of_the_machine_where_the_digest_was_noted(name, triangles, digest):
     mesh = SCENES[name].load()(triangles, 1).mesh
     data = b"".join(array.tobytes() for array in (mesh.vertices, mesh.triangles, mesh.part, mesh.material))

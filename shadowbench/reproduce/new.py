@@ -90,7 +90,7 @@ N5 = Item(
     "2011); wedge (Sintorn et al. 2014); outline, every supporting plane through the eye; outline and wedge. A false "
     "positive is a refined tile in which the frustum then puts nothing in shadow that was not yet; level 0 are the root's "
     "children. Only PTSV counts them; of both, data.csv has the tests and refinements per level.",
-    full=culling_planes(1024, {"citadel": (4, 28), "gate": (0, 24), "villa": (0, 36)}, 2),
+    full=culling_planes(1024, {"citadel": (28,), "gate": (0,), "villa": (0,)}, 2),
     quick=culling_planes(256, {"citadel": (28,), "gate": (0,), "villa": (0,)}, 1),
     rows=cell_rows("test_and_set", "all_work", "seconds", "stage.frustum_setup", "stage.traversal", "node_tests.level",
                    "refinements.level", "fruitless_refinements.level"),
@@ -146,7 +146,7 @@ def grouping(size: int, frames: tuple[int, ...], repeats: int) -> tuple[Measurem
     """Both hierarchies with every size of group on each scene, and on the dense bodies with each number of triangles."""
     methods = tuple(grouped(hierarchy, group).spec for hierarchy in HIERARCHIES for group in GROUPS)
     where = [*((scene, 0) for scene in GAMES), *(("fuzzy", n) for n in DENSITIES)]
-    return tuple(Measurement(scene, size, frames if n == 0 else frames[:1], methods, published_size=1024, repeats=repeats,
+    return tuple(Measurement(scene, size, frames, methods, published_size=1024, repeats=repeats,
                              verify=False, triangles=n) for scene, n in where)
 
 
@@ -167,7 +167,7 @@ N6 = Item(
     "PTSV and the cluster hierarchy with back-face casters and outline planes. The frusta of a group share a bounding "
     "frustum in the upper levels of the tree; its tests count as operations. `fuzzy`, dense closed bodies with fur, has "
     "three numbers of triangles.",
-    full=grouping(1024, (0, 24), 2), quick=grouping(256, (0,), 1),
+    full=grouping(1024, (0,), 2), quick=grouping(256, (0,), 1),
     rows=cell_rows("test_and_set", "node_tests", "group_tests", "sample_tests", "seconds", "stage.frustum_setup",
                    "stage.traversal"),
     claims=tuple(claim for hierarchy in HIERARCHIES for claim in group_claims(hierarchy)),

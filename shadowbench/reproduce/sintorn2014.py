@@ -107,7 +107,7 @@ F3 = Item(
               at_least(1.25))),
     plot=cluster_plots.heat_maps, from_pictures=add_tests_near_steps)
 
-TIMED = tuple(range(0, 48, 6))
+TIMED = tuple(range(0, 48, 9))
 
 
 def fly_through(scene: str, z_pass: tuple[int, ...]) -> tuple[Measurement, ...]:
@@ -116,7 +116,7 @@ def fly_through(scene: str, z_pass: tuple[int, ...]) -> tuple[Measurement, ...]:
     return (timed, *(replace(timed, frames=(frame,), methods=(Z_PASS.spec,), repeats=1, warm_up=False) for frame in z_pass))
 
 
-F5_FULL = (*fly_through("villa", (0, 24)), *fly_through("citadel", (0, 12, 24, 36)), *fly_through("fuzzy", ()))
+F5_FULL = (*fly_through("villa", (0,)), *fly_through("citadel", (0, 27)), *fly_through("fuzzy", ()))
 
 F5 = Item(
     "S14.F5", PAPER, "Time of every stage along three fly-throughs", "Figure 5; sec. 3",
@@ -197,7 +197,7 @@ F8 = Item(
     "S14.F8", PAPER, "Time of the traversal by optimisation", "Figure 8; sec. 3",
     "Milliseconds of the traversal: implicit bounds without further planes; with wedge planes; with explicit bounds; in two "
     "passes. " + SETTINGS + GPU,
-    full=F8_FULL, quick=smaller(*(replace(m, frames=TIMED[::4]) for m in F8_FULL)),
+    full=F8_FULL, quick=smaller(*(replace(m, frames=TIMED[::3]) for m in F8_FULL)),
     rows=counted("seconds", "stage.traversal"),
     claims=tuple(claim for scene in ("villa", "citadel") for claim in (
         *(Claim(f"{scene}: {name} make the traversal faster", "above 1x",
@@ -207,14 +207,14 @@ F8 = Item(
               spikes(scene), at_least(1.1), at_least(0.95)))),
     plot=cluster_plots.traversal)
 
-HD = Measurement("citadel", 1920, TIMED[::2], (COMPACT.spec,), repeats=3, verify=False, height=1080)
+HD = Measurement("citadel", 1920, TIMED, (COMPACT.spec,), repeats=3, verify=False, height=1080)
 F9_FULL = (HD, replace(HD, size=1280, height=720), replace(HD, size=1024, height=0))
 
 
 F9 = Item(
     "S14.F9", PAPER, "1920 x 1080 against 1280 x 720 and 1024 x 1024", "Figure 9; sec. 3",
     "Milliseconds by stage with the compact layout, and operations. " + SETTINGS + GPU,
-    full=F9_FULL, quick=smaller(*(replace(m, frames=TIMED[::4]) for m in F9_FULL)),
+    full=F9_FULL, quick=smaller(*(replace(m, frames=TIMED[::3]) for m in F9_FULL)),
     rows=counted("seconds", *(f"stage.{name}" for name in STAGES)),
     claims=tuple(claim for size, height in ((1280, 720), (1024, 1024)) for claim in (
         Claim(f"Building takes about twice as long as at {size} x {height}", "about 2x", hd_over(size, "stage.hierarchy"),
@@ -225,7 +225,7 @@ F9 = Item(
               operations_per_sample(size, height), at_most(0.75), at_most(1.0)))),
     plot=cluster_plots.resolutions)
 
-C1_FULL = tuple(Measurement(scene, 1024, TIMED, (CLUSTER.spec, COMPACT.spec), repeats=3, verify=False)
+C1_FULL = tuple(Measurement(scene, 1024, TIMED[::2], (CLUSTER.spec, COMPACT.spec), repeats=2, verify=False)
                 for scene in ("villa", "citadel", "fuzzy"))
 
 
