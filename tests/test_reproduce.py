@@ -72,7 +72,8 @@ def picture(tmp_path_factory):
     image_io.write_png(folder / "picture.png", rng.integers(0, 255, (40, 30, 3), dtype=np.uint8))
     image_io.write_exr(folder / "picture.exr", {
         "depth": np.where(np.arange(40)[:, None] < 10, 5.0, 1.0 + rng.random((40, 30))).astype(np.float32),
-        "candidate": np.ones((40, 30), np.uint32), "tests": rng.integers(1, 9, (40, 30), np.uint32)})
+        "candidate": np.ones((40, 30), np.uint32), "tests": rng.integers(1, 9, (40, 30), np.uint32),
+        "shadow": rng.integers(0, 2, (40, 30)).astype(np.float32)})
     return folder
 
 

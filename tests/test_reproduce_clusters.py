@@ -101,9 +101,14 @@ def test_tests_near_and_elsewhere(tmp_path):
     near = near_steps(depth)
     candidate = (np.arange(30)[:, None] < 20) & np.ones((30, 40), bool)
     image_io.write_exr(tmp_path / "g.exr", {"depth": depth, "candidate": candidate.astype(np.uint32)})
-    image_io.write_exr(tmp_path / "s.exr", {"tests": np.where(candidate, np.where(near, 7, 2), 99).astype(np.uint32)})
+    shadow = np.zeros((30, 40), np.float32)
+    shadow[5, 39], shadow[25, 39], shadow[0, 20] = 1.0, 1.0, 1.0         # 4 edge samples, none, 4 edge samples
+    image_io.write_exr(tmp_path / "s.exr", {"tests": np.where(candidate, np.where(near, 7, 2), 99).astype(np.uint32),
+                                            "shadow": shadow})
     files = {"gbuffer_exr": tmp_path / "g.exr", "shadow_exr": tmp_path / "s.exr"}
     row, = add_tests_near_steps([{"method": "ptsv", "test_and_set": 1}], {"ptsv": files})
     assert row == {"method": "ptsv", "test_and_set": 1, "near_share": pytest.approx(near[:20].sum() / 800, abs=1e-6),
-                   "tests_near": 7.0, "tests_elsewhere": 2.0}
+                   "tests_near": 7.0, "tests_elsewhere": 2.0,
+                   "edges_near": pytest.approx(100 * 4 / near[:20].sum(), abs=1e-3),
+                   "edges_elsewhere": pytest.approx(100 * 4 / (~near[:20]).sum(), abs=1e-3)}
     assert cluster_methods.near_over_elsewhere(Variant("ptsv", "ptsv"))([row]) == 3.5

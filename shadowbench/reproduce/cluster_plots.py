@@ -56,7 +56,7 @@ def heat_maps(evidence: Evidence, folder: Path) -> None:
     for panel, method, name in ((axes[1], PTSV, "PTSV"), (axes[2], CLUSTER, "clusters")):
         near, elsewhere = (mean(evidence.rows, f"tests_{where}", method=method.label) for where in ("near", "elsewhere"))
         file = evidence.pictures[method.label]["heatmap"]
-        plots.draw_picture(panel, file, f"{name}: {near:.1f} tests near discontinuities, {elsewhere:.1f} elsewhere")
+        plots.draw_picture(panel, file, f"{name}: {near:.0f} near steps of depth, {elsewhere:.0f} elsewhere")
         (folder / f"heatmap-{method.label}.png").write_bytes(file.read_bytes())
     plots.save(figure, folder)
 

@@ -15,16 +15,34 @@ from shadowbench.reproduce.cluster_rows import NEAR_STEP, STEP_OF_DEPTH
 def tests_near_steps(files: Mapping[str, Path]) -> dict[str, float]:
     """Mean tests per lit candidate near a depth discontinuity and elsewhere, and the share of the candidates near one.
 
+    Also, in per cent, how many of the candidates here and there lie at a shadow's edge: the tests that no tree can save.
+
     Parameters
     ----------
-    files : one method's tests per sample, ``shadow_exr``, and its view samples, ``gbuffer_exr``.
+    files : one method's shadows and tests per sample, ``shadow_exr``, and its view samples, ``gbuffer_exr``.
     """
-    samples, tests = image_io.read_exr(files["gbuffer_exr"]), image_io.read_exr(files["shadow_exr"])["tests"]
+    samples, answer = image_io.read_exr(files["gbuffer_exr"]), image_io.read_exr(files["shadow_exr"])
+    tests = answer["tests"]
     candidate = samples["candidate"] != 0
+    edge = shadow_edges(answer["shadow"], candidate)
     near = near_steps(samples["depth"])
     near, elsewhere = near & candidate, ~near & candidate
-    return {"near_share": round(float(near.sum() / candidate.sum()), 6), "tests_near": round(float(tests[near].mean()), 3),
-            "tests_elsewhere": round(float(tests[elsewhere].mean()), 3)}
+    return {"near_share": round(float(near.sum() / candidate.sum()), 6),
+            "tests_near": round(float(tests[near].mean()), 3), "tests_elsewhere": round(float(tests[elsewhere].mean()), 3),
+            "edges_near": round(100.0 * float(edge[near].mean()), 3),
+            "edges_elsewhere": round(100.0 * float(edge[elsewhere].mean()), 3)}
+
+
+def shadow_edges(shadow: NDArray[np.floating], candidate: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell which lit candidates have one beside, above or below them with another answer; all are (rows, columns)."""
+    edge: NDArray[np.bool_] = np.zeros(shadow.shape, np.bool_)
+    for axis in (0, 1):
+        (a, b), (c, d) = ((moved[:-1], moved[1:]) for moved in (np.moveaxis(shadow, axis, 0), np.moveaxis(candidate, axis, 0)))
+        differs = (a != b) & c & d
+        along = np.moveaxis(edge, axis, 0)
+        along[:-1] |= differs
+        along[1:] |= differs
+    return edge
 
 
 def near_steps(depth: NDArray[np.floating]) -> NDArray[np.bool_]:

@@ -93,7 +93,8 @@ F3 = Item(
     "S14.F3", PAPER, "Tests per pixel: PTSV hot along depth discontinuities, clusters not", "Figure 3",
     "Tests per sample on one logarithmic scale. A depth discontinuity is where one of two neighbouring samples is "
     f"{STEP_OF_DEPTH} times as far away as the other; near it are lit candidates within {NEAR_STEP} pixels. " + SETTINGS
-    + "The tests of a node are shared out evenly: with `cluster` over its samples, with PTSV over the pixels of its tile.",
+    + "The tests of a node are shared out evenly: with `cluster` over its samples, with PTSV over the pixels of its tile. "
+    "data.csv also says how many per cent of the candidates near discontinuities and elsewhere lie at a shadow's edge.",
     full=(GATE,), quick=smaller(GATE), rows=counted(),
     claims=(
         Claim("PTSV: tests near discontinuities over those elsewhere", "hot along discontinuities",
