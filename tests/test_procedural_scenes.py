@@ -45,10 +45,9 @@ def point_triangle_distance(point: np.ndarray, triangles: np.ndarray) -> np.ndar
     return np.where(sides[0] & sides[1] & sides[2], np.abs(height) / length, best)
 
 
-def within(reach: float, point: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Numbers of the triangles whose boxes come that near to a point along every axis: all that may be so near."""
-    offset = triangles - point
-    return np.flatnonzero((offset.min(1) < reach).all(1) & (offset.max(1) > -reach).all(1))
+def within(reach: float, point: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Numbers of the boxes that come that near to a point along every axis: all that may be so near."""
+    return np.flatnonzero((low < point + reach).all(1) & (high > point - reach).all(1))
 
 
 def is_closed(triangles: np.ndarray, points: np.ndarray) -> bool:
@@ -203,11 +202,12 @@ def test_path_stays_clear_of_geometry(name):
     scene = default_scene(name)
     assert len(scene.eyes) == len(scene.targets) >= 2
     triangles = corners(scene)
+    low, high = triangles.min(axis=1), triangles.max(axis=1)
     for frame in range(FRAMES):
         eye = np.array(curve_position(scene.eyes, frame, FRAMES, scene.closed))
         target = np.array(curve_position(scene.targets, frame, FRAMES, scene.closed))
         assert np.sqrt(((target - eye) ** 2).sum()) > 1.0
-        near = within(2.0 * scene.near, eye, triangles)
+        near = within(2.0 * scene.near, eye, low, high)
         distance = point_triangle_distance(eye, triangles[near])
         names = [scene.mesh.materials[m].name for m in scene.mesh.material[near[distance <= scene.near]]]
         assert not names, f"frame {frame} at {eye}: {distance.min():.3f} m from one of {names}"

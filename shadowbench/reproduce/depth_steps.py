@@ -37,8 +37,8 @@ def shadow_edges(shadow: NDArray[np.floating], candidate: NDArray[np.bool_]) -> 
     """Tell which lit candidates have one beside, above or below them with another answer; all are (rows, columns)."""
     edge: NDArray[np.bool_] = np.zeros(shadow.shape, np.bool_)
     for axis in (0, 1):
-        (a, b), (c, d) = ((moved[:-1], moved[1:]) for moved in (np.moveaxis(shadow, axis, 0), np.moveaxis(candidate, axis, 0)))
-        differs = (a != b) & c & d
+        answer, known = np.moveaxis(shadow, axis, 0), np.moveaxis(candidate, axis, 0)
+        differs = (answer[:-1] != answer[1:]) & known[:-1] & known[1:]
         along = np.moveaxis(edge, axis, 0)
         along[:-1] |= differs
         along[1:] |= differs
