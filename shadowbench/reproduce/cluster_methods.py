@@ -15,6 +15,7 @@ PTSV, Z_PASS = variant("ptsv", casters=CULLED), variant("z_pass")
 IMPLICIT = variant("cluster", bounds="implicit", casters=CULLED, culling_planes="none")
 WEDGE = variant("cluster", bounds="implicit", casters=CULLED)
 ONE_PASS = variant("cluster", casters=CULLED, passes="one")
+SPLIT_3, SPLIT_4 = (variant("cluster", casters=CULLED, split_level=level) for level in (3, 4))
 COMPACT = variant("cluster", casters=CULLED, layout="compact")
 STEPS = (variant("cluster", bounds="implicit", casters=CULLED, culling_planes="none", passes="one"),
          variant("cluster", bounds="implicit", casters=CULLED, passes="one"), ONE_PASS, CLUSTER)

@@ -12,6 +12,8 @@ from shadowbench.reproduce.cluster_methods import (
     IMPLICIT,
     ONE_PASS,
     PTSV,
+    SPLIT_3,
+    SPLIT_4,
     STAGES,
     STEP_NAMES,
     STEPS,
@@ -108,11 +110,13 @@ def jobs(evidence: Evidence, folder: Path) -> None:
     from shadowbench.reproduce import plots
 
     figure, axes = plots.panels(1, 5.5, 3.6)
-    for method, name, color in ((ONE_PASS, "one pass", plots.COLORS[2]), (CLUSTER, "two passes", plots.COLORS[0])):
+    lines = ((ONE_PASS, "one pass", 2), (CLUSTER, "two passes, split at level 2", 0), (SPLIT_3, "at level 3", 1),
+             (SPLIT_4, "at level 4", 4))
+    for method, name, color in lines:
         ranks, iterations = (values(evidence.rows, column, method=method.label) for column in ("rank", "iterations"))
-        plots.draw_line(axes[0], ranks, iterations, name, color, marker="")
+        plots.draw_line(axes[0], ranks, iterations, name, plots.COLORS[color], marker="")
     axes[0].set(title="gate (stand-in)", xlabel="job, from the largest down", ylabel="iterations", yscale="log")
-    plots.legend_below(figure, axes[0])
+    axes[0].legend(frameon=False)
     plots.save(figure, folder)
 
 
