@@ -16,6 +16,8 @@ PLANES = ("none", "silhouette", "wedge", "outline", "outline+wedge")
 DEFAULT_PLANES = {"ptsv": "silhouette", "cluster": "wedge"}
 SCENES = ("citadel", "gate", "villa")
 HIERARCHIES = ("ptsv", "cluster")
+BESIDE = ("A cluster's box is tight on the screen: what is left to reject lies before or behind the volume, where planes "
+          "through the eye cannot cut")
 
 
 def with_planes(hierarchy: str, planes: str) -> Variant:
@@ -76,7 +78,8 @@ def planes_claims(hierarchy: str, scene: str) -> tuple[Claim, ...]:
         Claim(f"{name}: outline planes need fewer operations than silhouette planes", "none; expected above 1x",
               planes_ratio(hierarchy, "silhouette", "outline", scene), at_least(1.1), at_least(1.0)),
         Claim(f"{name}: outline planes need fewer operations than wedge planes", "none; expected above 1x",
-              planes_ratio(hierarchy, "wedge", "outline", scene), at_least(1.1), at_least(1.0)),
+              planes_ratio(hierarchy, "wedge", "outline", scene), at_least(1.1), at_least(1.0),
+              otherwise=BESIDE if hierarchy == "cluster" else ""),
         Claim(f"{name}: outline planes are faster than the paper's own", "none; expected above 1x",
               planes_ratio(hierarchy, DEFAULT_PLANES[hierarchy], "outline", scene, "seconds"), at_least(1.1), at_least(1.0),
               otherwise="Setting up more planes per frustum takes what the traversal saves"),
@@ -90,7 +93,7 @@ N5 = Item(
     "2011); wedge (Sintorn et al. 2014); outline, every supporting plane through the eye; outline and wedge. A false "
     "positive is a refined tile in which the frustum then puts nothing in shadow that was not yet; level 0 are the root's "
     "children. Only PTSV counts them; of both, data.csv has the tests and refinements per level.",
-    full=culling_planes(1024, {"citadel": (28,), "gate": (0,), "villa": (0,)}, 2),
+    full=culling_planes(1024, {"citadel": (4, 28), "gate": (0, 24), "villa": (0, 36)}, 2),
     quick=culling_planes(256, {"citadel": (28,), "gate": (0,), "villa": (0,)}, 1),
     rows=cell_rows("test_and_set", "all_work", "seconds", "stage.frustum_setup", "stage.traversal", "node_tests.level",
                    "refinements.level", "fruitless_refinements.level"),
@@ -167,7 +170,7 @@ N6 = Item(
     "PTSV and the cluster hierarchy with back-face casters and outline planes. The frusta of a group share a bounding "
     "frustum in the upper levels of the tree; its tests count as operations. `fuzzy`, dense closed bodies with fur, has "
     "three numbers of triangles.",
-    full=grouping(1024, (0,), 2), quick=grouping(256, (0,), 1),
+    full=grouping(1024, (0, 24), 2), quick=grouping(256, (0,), 1),
     rows=cell_rows("test_and_set", "node_tests", "group_tests", "sample_tests", "seconds", "stage.frustum_setup",
                    "stage.traversal"),
     claims=tuple(claim for hierarchy in HIERARCHIES for claim in group_claims(hierarchy)),
