@@ -149,7 +149,8 @@ def resolutions(evidence: Evidence, folder: Path) -> None:
         panel = axes[1] if column == "seconds" else axes[0]
         plots.draw_line(panel, list(found), [1e3 * seconds for seconds in found.values()], name, color)
     for panel, title in zip(axes, ("citadel (stand-in): stages at 1920 x 1080", "the whole"), strict=True):
-        panel.set(title=title, xlabel="frame of the fly-through", ylabel="milliseconds", ylim=(0, None))
-        panel.legend(frameon=False)
+        panel.set(title=title, xlabel="frame of the fly-through", ylabel="milliseconds",
+                  ylim=(0, 1.35 * panel.get_ylim()[1]))
+        panel.legend(frameon=False, loc="upper left", ncols=2)
     plots.save(figure, folder)
 
