@@ -36,6 +36,16 @@ class MadeUp(dict):
         return self[name]
 
 
+class MadeUpTimes(dict):
+    """A time in seconds for every stage."""
+
+    def __init__(self, numbers):
+        self.numbers = numbers
+
+    def get(self, name, default=None):
+        return [self.numbers[f"stage {name}"] * 1e-6]
+
+
 def made_up(measurement):
     """Cells of a measurement with numbers that nobody measured."""
     cells = []
@@ -43,12 +53,13 @@ def made_up(measurement):
         for method in measurement.methods:
             name, params = parse_algorithm_spec(method)
             label = make_label(name, validate_params(name, params).model_dump(exclude_defaults=True))
-            numbers = MadeUp((measurement.scene, measurement.size, frame, label))
+            numbers = MadeUp((measurement.scene, measurement.size, measurement.triangles, frame, label))
+            levels = {"node_tests", "refinements"} | ({"fruitless_refinements"} if name == "ptsv" else set())
             cells.append(Measured(measurement, CellResult.model_construct(
                 key=label, scene=measurement.scene, frame=frame, algorithm=name, label=label, status="done", params=params,
-                counts=numbers, memory_bytes=numbers, stages={}, total_seconds=[numbers["seconds"] * 1e-6],
-                levels={kind: [numbers[f"{kind}{level}"] for level in range(3)]
-                        for kind in ("node_tests", "refinements", "fruitless_refinements")},
+                counts=numbers, memory_bytes=numbers, stages=MadeUpTimes(numbers), total_seconds=[numbers["seconds"] * 1e-6],
+                levels={kind: [numbers[f"{kind}{level}"] for level in range(3)] for kind in sorted(levels)},
+                largest={"iterations": [10**7 - 1000 * i + numbers["job"] for i in range(20)]},
                 accuracy=AccuracyRecord(samples=9, lit_candidates=9, shadowed=1, ambiguous=0, false_shadow=2, false_light=1,
                                         edge_tie=0))))
     return cells
@@ -56,18 +67,26 @@ def made_up(measurement):
 
 @pytest.fixture(scope="module")
 def picture(tmp_path_factory):
-    """A PNG file for every picture that an item asks for."""
-    file = tmp_path_factory.mktemp("picture") / "picture.png"
-    image_io.write_png(file, np.random.default_rng(0).integers(0, 255, (40, 30, 3), dtype=np.uint8))
-    return file
+    """A file for every picture that an item asks for: a PNG file, or an EXR file with all channels."""
+    rng, folder = np.random.default_rng(0), tmp_path_factory.mktemp("picture")
+    image_io.write_png(folder / "picture.png", rng.integers(0, 255, (40, 30, 3), dtype=np.uint8))
+    image_io.write_exr(folder / "picture.exr", {
+        "depth": np.where(np.arange(40)[:, None] < 10, 5.0, 1.0 + rng.random((40, 30))).astype(np.float32),
+        "candidate": np.ones((40, 30), np.uint32), "tests": rng.integers(1, 9, (40, 30), np.uint32),
+        "shadow": rng.integers(0, 2, (40, 30)).astype(np.float32)})
+    return folder
 
 
-class SamePicture(dict):
+class Pictures(dict):
+    """The same picture for every method and kind."""
+
+    def __init__(self, folder):
+        self.folder = folder
+
     def __missing__(self, name):
-        return self.value
-
-    def __init__(self, value):
-        self.value = value
+        if "exr" in name:
+            return self.folder / "picture.exr"
+        return self if "+" in name or name in ("ptsv", "z_pass", "z_fail") else self.folder / "picture.png"
 
 
 @ITEMS
@@ -90,7 +109,7 @@ def test_item_from_cells_to_folder(item, size, tmp_path, picture):
     """Every file is there, the verdicts follow from data.csv alone, and the same cells give the same bytes."""
     cells = [cell for measurement in getattr(item, size) for cell in made_up(measurement)]
     folders = [tmp_path / "a", tmp_path / "b"] if size == "quick" else [tmp_path / "a"]
-    pictures = SamePicture(SamePicture(picture))
+    pictures = Pictures(picture)
     circumstances = Circumstances(f"shadowbench reproduce {item.paper}/{item.id}", [Origin("abc", "a processor", 2)])
     for folder in folders:
         verdicts = write_item(item, cells, pictures, folder, circumstances)
@@ -166,6 +185,15 @@ def test_rows_hold_what_was_asked_for():
                    "node_tests.2": counts["node_tests2"], "sample_tests": counts["sample_tests"]}
 
 
+def test_rows_say_what_is_unusual_about_the_image():
+    plain, tall, few = (made_up(Measurement("gate", 64, (0,), ("ptsv",), height=height, triangles=triangles))[0]
+                        for height, triangles in ((0, 0), (36, 0), (0, 9)))
+    assert [cell.measurement.shape for cell in (plain, tall, few)] == [(64, 64), (64, 36), (64, 64)]
+    first, second, third = cell_rows("sample_tests")([plain, tall, few])
+    assert second == {**first, "height": 36} and third["triangles"] == 9 and "height" not in third
+    assert values([first, third], "sample_tests", triangles=9) == [third["sample_tests"]]
+
+
 def test_csv_comes_back(tmp_path):
     rows = [{"a": 1, "b": "x, y", "c": 0.5}, {"a": 2**60, "d": 1e-9}]
     (tmp_path / "data.csv").write_text(to_csv(rows))
@@ -186,8 +214,8 @@ def test_items_are_found_by_paper_and_name():
     assert [i.id for i in find_items("sintorn2011/S11.F5")] == [i.id for i in find_items("S11.F5")] == ["S11.F5"]
 
 
-@pytest.mark.parametrize(("what", "meant"), [("sintorn2012", "'sintorn2011'"), ("sintorn2011/F5", "'sintorn2011/S11.F5'"),
-                                             ("s11.f5", "'S11.F5'"), ("al", "'all'"), ("new/N6", "'new/N5'")])
+@pytest.mark.parametrize(("what", "meant"), [("sintorn20111", "'sintorn2011'"), ("sintorn2011/F5", "'sintorn2011/S11.F5'"),
+                                             ("s11.f5", "'S11.F5'"), ("al", "'all'"), ("new/N66", "'new/N6'")])
 def test_unknown_items_are_told_what_was_meant(what, meant):
     with pytest.raises(InputError, match=f"did you mean {re.escape(meant)}"):
         find_items(what)

@@ -9,13 +9,14 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from shadowbench import plan, runner
+from shadowbench import image_io, plan, runner
 from shadowbench.cli import cli
 from shadowbench.reproduce import sintorn2011
 from shadowbench.reproduce.items import Claim, Item, Measurement, at_least, at_most
-from shadowbench.reproduce.measure import MeasurementError, measure, pictures_of
+from shadowbench.reproduce.measure import MeasurementError, _scene, measure, pictures_of
 from shadowbench.reproduce.rows import cell_rows, mean, read_csv
 from shadowbench.reproduce.store import CellStore, Origin
+from shadowbench.scenes import villa
 from shadowbench.scenes.loader import load_scene
 
 HERE = Origin("abc", "a processor", 1)
@@ -89,11 +90,27 @@ def test_a_kept_cell_serves_only_what_it_has(tmp_path, measured_cells):
         cells = measure([wanted], CellStore(tmp_path, origin)).measured
         assert bool(measured_cells) == fresh, (origin, wanted)
     pictures = pictures_of(cells, CellStore(tmp_path, HERE))
-    assert {"heatmap", "shaded"} <= set(pictures["ptsv"]) and pictures["ptsv"]["heatmap"].exists()
+    assert {"heatmap", "shaded", "shadow_exr", "gbuffer_exr"} <= set(pictures["ptsv"])
+    assert all(file.exists() for file in pictures["ptsv"].values())
     pictures["ptsv"]["heatmap"].unlink()
     measured_cells.clear()
     measure([wanted], CellStore(tmp_path, HERE))
     assert measured_cells
+
+
+def test_images_of_any_shape_and_scenes_of_any_count(tmp_path):
+    """The view samples belong to their own frame; the image is as wide and as high as asked for."""
+    wanted = dataclasses.replace(SMALL, scene="villa", frames=(0, 1), methods=("ptsv",), repeats=0, size=32, height=16,
+                                 triangles=villa.MINIMUM, verify=False)
+    cells = measure([wanted], CellStore(tmp_path, HERE)).measured
+    assert [each.cell.frame for each in cells] == [0, 1] and cells[0].cell.key != cells[1].cell.key
+    scene, _ = _scene("villa", 32, 16, 2, villa.MINIMUM)
+    assert (scene.image.width, scene.image.height) == (32, 16) and scene.mesh(0).n_triangles == villa.MINIMUM
+    box = dataclasses.replace(SMALL, methods=("ptsv",), height=16, images=True)
+    kept = CellStore(tmp_path, HERE)
+    files = [pictures_of([each], kept)["ptsv"]["gbuffer_exr"] for each in measure([box], kept).measured]
+    depths = [image_io.read_exr(file)["depth"] for file in files]
+    assert depths[0].shape == (16, 32) and files[0] != files[1]
 
 
 def test_a_failed_cell_is_told_and_not_kept(tmp_path, monkeypatch):
@@ -173,7 +190,7 @@ def test_list_and_help_are_light():
     for arguments in (["reproduce", "list"], ["reproduce", "--help"]):
         done = subprocess.run([sys.executable, "-c", script, *arguments], capture_output=True, text=True, check=True)
         assert done.stderr == "[]\n"
-    done = subprocess.run([sys.executable, "-m", "shadowbench", "reproduce", "sintorn2012"], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-m", "shadowbench", "reproduce", "sintorn20111"], capture_output=True, text=True)
     assert done.returncode == 2 and "did you mean 'sintorn2011'?" in done.stderr and "Traceback" not in done.stderr
 
 

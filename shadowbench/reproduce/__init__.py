@@ -34,6 +34,7 @@ class PaperEntry:
 
 ALL_PAPERS: tuple[PaperEntry, ...] = (
     PaperEntry("sintorn2011", "Sintorn, Olsson, Assarsson 2011"),
+    PaperEntry("sintorn2014", "Sintorn, Kämpe, Olsson, Assarsson 2014"),
     PaperEntry("new", "New: what none of the papers has"),
 )
 

@@ -24,7 +24,7 @@ class Measurement:
     Attributes
     ----------
     scene : a built-in scene.
-    size : width and height of the image.
+    size : width of the image, and its height unless `height` says otherwise.
     frames : frame numbers on the scene's path.
     methods : as on the command line, such as ``ptsv[casters=back_faces]``.
     n_frames : frames of the whole path.
@@ -33,6 +33,8 @@ class Measurement:
     warm_up : False to time the first execution too: for those that take many seconds.
     verify : False to leave out the comparison with the reference.
     images : True to keep the pictures.
+    height : height of the image if it is not square, else 0.
+    triangles : number of triangles if it is not the scene's own, else 0.
     """
 
     scene: str
@@ -45,6 +47,13 @@ class Measurement:
     warm_up: bool = True
     verify: bool = True
     images: bool = False
+    height: int = 0
+    triangles: int = 0
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Width and height of the image."""
+        return self.size, self.height or self.size
 
 
 class Measured(NamedTuple):
@@ -148,17 +157,21 @@ def _within(numbers: Range) -> str:
     return text if text.startswith("at") else f"within {text}"
 
 
+Pictures = Mapping[str, Mapping[str, Path]]
+"""Files by label and kind: PNG such as ``pictures["ptsv"]["heatmap"]``, and the EXR ``shadow_exr`` and ``gbuffer_exr``."""
+
+
 class Evidence(NamedTuple):
     """What a plot is made from.
 
     Attributes
     ----------
     rows : of ``data.csv``.
-    pictures : PNG files by label and kind, such as ``pictures["ptsv"]["heatmap"]``; empty where none were kept.
+    pictures : what was kept; empty where none were.
     """
 
     rows: Sequence[Row]
-    pictures: Mapping[str, Mapping[str, Path]]
+    pictures: Pictures
 
 
 @dataclass(frozen=True)
@@ -176,6 +189,7 @@ class Item:
     rows : turns the measured cells into rows of ``data.csv``; pure.
     claims : what is judged, from those rows alone.
     plot : draws the figure into a folder, or None for a table.
+    from_pictures : adds columns that are computed from the pictures to the rows, or None.
     """
 
     id: str
@@ -188,6 +202,7 @@ class Item:
     rows: Callable[[Sequence[Measured]], list[Row]]
     claims: tuple[Claim, ...]
     plot: Callable[[Evidence, Path], None] | None = None
+    from_pictures: Callable[[Sequence[Row], Pictures], list[Row]] | None = None
 
     def judge(self, rows: Sequence[Row]) -> list[Verdict]:
         """Judge every claim."""

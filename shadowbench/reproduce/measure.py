@@ -37,10 +37,11 @@ def this_origin() -> Origin:
 
 
 @cache
-def _scene(name: str, size: int, n_frames: int) -> tuple[Scene, float]:
+def _scene(name: str, width: int, height: int, n_frames: int, triangles: int) -> tuple[Scene, float]:
     """Load a scene; returns it with the seconds that it took."""
     start = time.perf_counter()
-    scene = load_scene(name, (f"image.width={size}", f"image.height={size}", f"frames={n_frames}"))
+    count = (f"geometry.0.triangles={triangles}",) if triangles else ()
+    scene = load_scene(name, (f"image.width={width}", f"image.height={height}", f"frames={n_frames}", *count))
     return scene, time.perf_counter() - start
 
 
@@ -61,7 +62,7 @@ def measure(measurements: Iterable[Measurement], store: CellStore) -> Cells:
 
 def _cells(wanted: Measurement, store: CellStore) -> list[Kept]:
     """Cells of one measurement, in the order of frames and methods."""
-    scene, seconds = _scene(wanted.scene, wanted.size, wanted.n_frames)
+    scene, seconds = _scene(wanted.scene, *wanted.shape, wanted.n_frames, wanted.triangles)
     specs = [parse_algorithm_spec(method) for method in wanted.methods]
     cells = plan.plan_cells(scene, [(name, validate_params(name, params)) for name, params in specs], wanted.frames)
     missing = [cell for cell in cells if store.find(cell.key, wanted) is None]
@@ -71,7 +72,7 @@ def _cells(wanted: Measurement, store: CellStore) -> list[Kept]:
                                   verify=wanted.verify, warm_up=wanted.warm_up)
         folder = StoreFolder(store, {(cell.frame, cell.label): cell.key for cell in missing}, wanted.warm_up)
         with Progress(len(missing)) as progress:
-            progress.note(f"{wanted.scene} {wanted.size} x {wanted.size}: {len(missing)} cells to measure, "
+            progress.note(f"{wanted.scene} {wanted.size} x {wanted.shape[1]}: {len(missing)} cells to measure, "
                           f"{len(cells) - len(missing)} kept from before")
             measurer = Measurer(scene, seconds, missing, options, folder, progress)
             measurer.measure()
@@ -85,7 +86,6 @@ def _cells(wanted: Measurement, store: CellStore) -> list[Kept]:
 
 
 def pictures_of(measured: Iterable[Measured], store: CellStore) -> dict[str, dict[str, Path]]:
-    """PNG files of the cells that kept pictures, by label and kind."""
-    return {cell.label: {kind.removesuffix("_png"): store.path / file for kind, file in cell.files.items()
-                         if kind.endswith("_png")}
+    """Files of the cells that kept pictures, by label and kind."""
+    return {cell.label: {kind.removesuffix("_png"): store.path / file for kind, file in cell.files.items()}
             for measurement, cell in measured if measurement.images}

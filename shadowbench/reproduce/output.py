@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import NamedTuple
 
 from shadowbench.report.table import format_table
-from shadowbench.reproduce.items import Evidence, Item, Measured, Verdict
+from shadowbench.reproduce.items import Evidence, Item, Measured, Pictures, Verdict
 from shadowbench.reproduce.rows import read_csv, to_csv
 from shadowbench.reproduce.store import Origin
 from shadowbench.scenes import SCENES
@@ -30,19 +30,22 @@ class Circumstances(NamedTuple):
     origins: Sequence[Origin]
 
 
-def write_item(item: Item, measured: Sequence[Measured], pictures: Mapping[str, Mapping[str, Path]], folder: Path,
+def write_item(item: Item, measured: Sequence[Measured], pictures: Pictures, folder: Path,
                circumstances: Circumstances) -> list[Verdict]:
     """Write everything about an item; the verdicts are computed from ``data.csv`` as it was written.
 
     Parameters
     ----------
     item, measured : what was asked for, and its cells.
-    pictures : PNG files of the cells by label and kind.
+    pictures : files of the cells by label and kind.
     folder : made with its parents.
     circumstances : for the caption.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    _write(folder / "data.csv", to_csv(item.rows(measured)))
+    table = item.rows(measured)
+    if item.from_pictures is not None:
+        table = item.from_pictures(table, pictures)
+    _write(folder / "data.csv", to_csv(table))
     rows = read_csv(folder / "data.csv")
     verdicts = item.judge(rows)
     _write(folder / "verdict.json", verdict_json(item, verdicts))
@@ -76,9 +79,10 @@ def verdict_table(item: Item, verdicts: Sequence[Verdict]) -> str:
 
 def caption(item: Item, measured: Sequence[Measured], circumstances: Circumstances) -> str:
     """Text of ``caption.md``: what is shown, on which stand-in scene, from where."""
-    scenes = sorted({(m.scene, m.size, m.frames, m.n_frames) for m, _ in measured})
-    where = [f"- `{name}` ({SCENES[name].triangles:,} triangles), {size} x {size}, "
-             f"frames {', '.join(map(str, frames))} of a path of {n_frames}" for name, size, frames, n_frames in scenes]
+    scenes = sorted({(m.scene, m.shape, m.frames, m.n_frames, m.triangles) for m, _ in measured})
+    where = [f"- `{name}` ({triangles or SCENES[name].triangles:,} triangles), {shape[0]} x {shape[1]}, "
+             f"frames {', '.join(map(str, frames))} of a path of {n_frames}"
+             for name, shape, frames, n_frames, triangles in scenes]
     origins = [f"- commit {o.commit}; {o.machine}, {o.threads} thread(s)" for o in circumstances.origins]
     return "\n".join([f"# {item.id}: {item.title}", "", f"Published: {item.source}.", "", item.shows, "",
                       "Procedural stand-in scenes, not the paper's:", "", *where, "", "Measured:", "", *origins, "",

@@ -17,6 +17,9 @@ METHOD_COLORS = {"z_pass": "#d1495b", "z_fail": "#edae49", "ptsv": "#8fb8de",
                  "ptsv+casters=back_faces": "#00507a"}
 """One colour per method in all figures."""
 
+COLORS = ("#00507a", "#8fb8de", "#d1495b", "#edae49", "#66a182", "#7d5ba6", "#5c5c5c", "#b38867")
+"""Colours of lines that are no single method's."""
+
 _STYLE: dict[Any, Any] = {"svg.hashsalt": "shadowbench", "font.size": 9, "axes.spines.top": False,
                           "axes.spines.right": False}
 
@@ -33,6 +36,12 @@ def draw_lines(axes: Axes, x: Sequence[float], series: Mapping[str, Sequence[flo
     for label, y in series.items():
         axes.plot(x, y, marker="o", markersize=3, label=label, color=METHOD_COLORS.get(label))
     axes.set(title=title, xlabel="frame of the fly-through", ylabel=y_label, yscale="log")
+
+
+def draw_line(axes: Axes, x: Sequence[float], y: Sequence[float], label: str, color: str, style: str = "-",
+              marker: str = "o") -> None:
+    """Draw one line."""
+    axes.plot(x, y, style, marker=marker, markersize=3, label=label, color=color)
 
 
 def draw_groups(axes: Axes, groups: Sequence[str], series: Mapping[str, Sequence[float]], title: str, y_label: str,

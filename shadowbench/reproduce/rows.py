@@ -29,14 +29,15 @@ def cell_rows(*columns: str) -> Callable[[Sequence[Measured]], list[Row]]:
 
 
 def where(measured: Measured) -> dict[str, int | float | str]:
-    """Say what was measured, in the columns `WHERE`."""
+    """Say what was measured, in the columns `WHERE`; also ``height`` and ``triangles`` where they are not the usual ones."""
     measurement, cell = measured
+    unusual = {"height": measurement.height, "triangles": measurement.triangles}
     return {"scene": cell.scene, "size": measurement.size, "published_size": measurement.published_size or measurement.size,
-            "frame": cell.frame, "method": cell.label}
+            "frame": cell.frame, "method": cell.label, **{name: value for name, value in unusual.items() if value}}
 
 
 def _values(measured: Measured, column: str) -> dict[str, int | float]:
-    """Look a column up in a cell; a level gives several."""
+    """Look a column up in a cell; a level gives several, or none if the method does not count that by level."""
     cell = measured.cell
     kind, _, name = column.partition(".")
     if kind == "seconds":
@@ -46,7 +47,7 @@ def _values(measured: Measured, column: str) -> dict[str, int | float]:
     if kind == "memory":
         return {column: cell.memory_bytes.get(name, 0)}
     if name == "level":
-        return {f"{kind}.{level}": value for level, value in enumerate(cell.levels[kind])}
+        return {f"{kind}.{level}": value for level, value in enumerate(cell.levels.get(kind, []))}
     if column == "wrong" and cell.accuracy is not None:
         return {column: cell.accuracy.false_shadow + cell.accuracy.false_light}
     return {column: cell.counts.get(column, 0)}
@@ -85,7 +86,7 @@ def values(rows: Sequence[Row], column: str, **where: int | str) -> list[float]:
     LookupError
         If there is no such row.
     """
-    found = [float(row[column]) for row in rows if all(row[name] == value for name, value in where.items())]
+    found = [float(row[column]) for row in rows if all(row.get(name) == value for name, value in where.items())]
     if not found:
         raise LookupError(f"no row with {where}")
     return found

@@ -67,7 +67,8 @@ class CellStore:
         cell, here = kept.cell, (self.origin.machine, self.origin.threads)
         timed = not wanted.repeats or (len(cell.total_seconds) >= wanted.repeats and kept.origin[1:] == here
                                        and (kept.warm_up or not wanted.warm_up))
-        pictured = not wanted.images or (bool(cell.files) and all((self.path / f).exists() for f in cell.files.values()))
+        pictured = not wanted.images or ("gbuffer_exr" in cell.files
+                                         and all((self.path / f).exists() for f in cell.files.values()))
         return timed and pictured and (cell.accuracy is not None or not wanted.verify)
 
     def add(self, cell: CellResult, warm_up: bool) -> None:
@@ -95,12 +96,16 @@ class StoreFolder:
         self._store, self._keys, self._warm_up = store, keys, warm_up
 
     def append(self, cell: CellResult) -> None:
-        """Take a finished cell."""
+        """Take a finished cell; the view samples of its frame count among its pictures."""
+        if cell.files:
+            samples = self.image_folder(cell.frame) / "gbuffer.exr"
+            cell.files["gbuffer_exr"] = samples.relative_to(self.path).as_posix()
         self.cells.append(cell)
         if cell.status == "done":
             self._store.add(cell, self._warm_up)
 
     def image_folder(self, frame: int, label: str | None = None) -> Path:
         """Make and return the folder for a cell's pictures, named by its key, or for the view samples of its frame."""
-        key = next(iter(self._keys.values())) if label is None else self._keys[frame, label]
+        key = (self._keys[frame, label] if label is not None
+               else next(key for (other, _), key in self._keys.items() if other == frame))
         return make_folder(self.path / "pictures" / (f"{key}-samples" if label is None else key))

@@ -8,26 +8,13 @@ path. The camera starts in front of the gate, enters by its open leaf, and goes 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.geometry import FloatArray, Light
 from shadowbench.scenes.buildings import rounds
-from shadowbench.scenes.procedural import (
-    MeshBuilder,
-    ProceduralScene,
-    Site,
-    SmoothNoise,
-    fit_detail,
-    require_triangles,
-    smooth_step,
-    whole_degrees,
-)
-from shadowbench.scenes.props import Limbs, blades, branches, conifer, crown, fill, leaves, trunk, tubes
-from shadowbench.scenes.shapes import Shape, box, copies, grid, join, lathe
-from shadowbench.scenes.villa import (
+from shadowbench.scenes.country_house import (
     ball,
     balustrade,
     fence,
@@ -39,6 +26,19 @@ from shadowbench.scenes.villa import (
     terrace,
     villa,
 )
+from shadowbench.scenes.garden import Tufts, foliage, hedge_leaves, trees
+from shadowbench.scenes.procedural import (
+    MeshBuilder,
+    ProceduralScene,
+    Site,
+    SmoothNoise,
+    fit_detail,
+    require_triangles,
+    smooth_step,
+    whole_degrees,
+)
+from shadowbench.scenes.props import blades, conifer, fill
+from shadowbench.scenes.shapes import Shape, box, copies, grid, lathe
 
 MINIMUM = 32_000
 """Fewest triangles: everything in its coarsest form."""
@@ -153,42 +153,11 @@ def _garden(builder: MeshBuilder, rng: np.random.Generator, detail: float) -> No
                              np.array([[-0.65, 0.0, 0.0], [0.65, 0.0, 0.0]])), "stone")
 
 
-def _merge(*limbs: Limbs) -> Limbs:
-    """Put limbs together."""
-    return Limbs(*(np.concatenate(column) for column in zip(*limbs, strict=True)))
-
-
-class _Tufts(NamedTuple):
-    """Balls of leaves: float64 (k, 3) centres and (k,) radii."""
-
-    centre: FloatArray
-    radius: FloatArray
-
-
-def _trees(builder: MeshBuilder, rng: np.random.Generator, trees: tuple[tuple[float, ...], ...],
-           detail: float) -> _Tufts:
-    """Trunks and branches; returns where the leaves go: at the ends of the branches and in the crown's middle."""
-    centres, radii = [], []
-    for x, z, height, radius in trees:
-        stem = trunk((x, -0.4, z), height + 0.6 * radius, 0.085 * radius + 0.05)
-        boughs = branches(rng, stem, 9, 0.62 * radius)
-        twigs = branches(rng, boughs, 2, 0.35 * radius)
-        builder.add(tubes(stem, rounds(detail, 12, 6)), "bark")
-        builder.add(tubes(_merge(boughs, twigs), rounds(detail, 4, 4)), "bark")
-        middle = np.array([[x, height + 0.5 * radius, z]])
-        offset = boughs.end - middle
-        reach = np.sqrt((offset * offset).sum(axis=1, keepdims=True))
-        ends = middle + offset * np.minimum(1.0, 0.75 * radius / reach)
-        centres += [ends, middle]
-        radii += [radius * rng.uniform(0.34, 0.48, len(ends)), np.array([0.6 * radius])]
-    return _Tufts(np.concatenate(centres), np.concatenate(radii))
-
-
-def _build(detail: float, seed: int) -> tuple[MeshBuilder, _Ground, tuple[_Tufts, _Tufts]]:
+def _build(detail: float, seed: int) -> tuple[MeshBuilder, _Ground, tuple[Tufts, Tufts]]:
     """Build everything but leaves and grass; also the ground, and the tufts of the garden's trees and the wood's."""
     rng = np.random.default_rng(seed)
     builder, ground = MeshBuilder(_COLORS), _Ground(rng)
-    near, far = _trees(builder, rng, _TREES, detail), _trees(builder, rng, _WOOD, 0.5 * detail)
+    near, far = trees(builder, rng, _TREES, detail), trees(builder, rng, _WOOD, 0.5 * detail)
     angles = whole_degrees(rng, 40)
     height = rng.uniform(11.0, 19.0, (40, 1))
     along = (np.arange(40) - 19.5) * 2.6
@@ -204,28 +173,6 @@ def _build(detail: float, seed: int) -> tuple[MeshBuilder, _Ground, tuple[_Tufts
     builder.add(box((-16.5, -0.5, _HOUSE_Z - 8.5), (16.5, _TERRACE, _HOUSE_Z + 7.0), ("-y",)), "stone")
     villa(Site.at(builder, 0.0, _TERRACE, _HOUSE_Z), detail)
     return builder, ground, (near, far)
-
-
-def _foliage(rng: np.random.Generator, tufts: _Tufts, n: int, size: float) -> Shape:
-    """Leaves of two triangles spread evenly over the tufts, at most n triangles."""
-    per_tuft = n // (2 * len(tufts.radius))
-    points = [crown(rng, per_tuft, centre, (radius, 0.8 * radius, radius))
-              for centre, radius in zip(tufts.centre, tufts.radius, strict=True)]
-    return leaves(rng, np.concatenate(points), size)
-
-
-def _hedge_leaves(rng: np.random.Generator, n: int) -> Shape:
-    """Leaves on the sides and tops of the hedges, at most n triangles."""
-    area = np.array([length * (2.0 * height + 0.8) for _, _, _, length, height in _HEDGES])
-    share = (area / area.sum() * (n // 2)).astype(np.int64)
-    pieces = []
-    for (x, z, turn, length, height), k in zip(_HEDGES, share, strict=True):
-        u, v = rng.uniform(-0.5, 0.5, k) * length, rng.uniform(0.0, 2.0 * height + 0.8, k)
-        y = np.minimum(np.minimum(v, height), 2.0 * height + 0.8 - v)
-        points = np.stack([u, y, np.clip(v - height, 0.0, 0.8) - 0.4], axis=1)
-        spot = Shape(points, np.zeros((0, 3), np.int64)).turned_degrees(turn).moved(x, 0.0, z)
-        pieces.append(leaves(rng, spot.vertices, 0.16))
-    return join(pieces)
 
 
 def _lawn(rng: np.random.Generator, ground: _Ground, n: int) -> FloatArray:
@@ -252,9 +199,9 @@ def generate(triangles: int, seed: int) -> ProceduralScene:
     _, ground, (near, far) = _build(0.0, seed)
     rng = np.random.default_rng([seed, 1])
     fill(builder, triangles,
-         [(0.5, "leaf", lambda n: _foliage(rng, near, n, 0.42)),
-          (0.16, "leaf_dark", lambda n: _foliage(rng, far, n, 0.95)),
-          (0.16, "hedge_leaf", lambda n: _hedge_leaves(rng, n))],
+         [(0.5, "leaf", lambda n: foliage(rng, near, n, 0.42)),
+          (0.16, "leaf_dark", lambda n: foliage(rng, far, n, 0.95)),
+          (0.16, "hedge_leaf", lambda n: hedge_leaves(rng, _HEDGES, n))],
          lambda n: blades(rng, _lawn(rng, ground, n), 0.13), "grass")
     return ProceduralScene(builder.mesh(), _EYES, _TARGETS, closed=False, fov_y=50.0, near=0.1, far=400.0,
                            light=Light.point(-188.0, 95.0, 60.0))
