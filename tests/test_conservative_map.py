@@ -169,7 +169,7 @@ def test_shortened_rays_never_visit_more_nodes(seed, kind, resolution, bias):
 
 
 def test_shortened_rays_never_visit_more_nodes_in_a_scene():
-    scene, image = load_scene("citadel", ["geometry.0.triangles=8000"]), ImageSize(192, 192)
+    scene, image = load_scene("citadel", ["geometry.0.triangles=10000"]), ImageSize(192, 192)
     mesh, camera, light = scene.mesh(0), scene.camera(0), scene.light(0)
     samples = render_view_samples(mesh, camera, light, image)
     frame = Frame(mesh, light, camera.basis(1.0), image, samples, 1e-5 * mesh.diagonal(), build_kdtree(mesh.corners))
