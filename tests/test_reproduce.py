@@ -10,6 +10,7 @@ import pytest
 
 from shadowbench import image_io
 from shadowbench.algorithm_specs import parse_algorithm_spec, validate_params
+from shadowbench.algorithms import ALGORITHMS
 from shadowbench.errors import InputError
 from shadowbench.reproduce import ALL_PAPERS, all_items, find_items
 from shadowbench.reproduce.items import Claim, Measured, Measurement, Range, about, at_least, at_most
@@ -36,6 +37,16 @@ class MadeUp(dict):
         return self[name]
 
 
+class MadeUpTimes(dict):
+    """Times for every stage, each less than the whole."""
+
+    def __init__(self, numbers):
+        self.numbers = numbers
+
+    def get(self, name, default=None):
+        return [min(self.numbers[name], self.numbers["seconds"]) * 0.5e-6]
+
+
 def made_up(measurement):
     """Cells of a measurement with numbers that nobody measured."""
     cells = []
@@ -46,7 +57,7 @@ def made_up(measurement):
             numbers = MadeUp((measurement.scene, measurement.size, frame, label))
             cells.append(Measured(measurement, CellResult.model_construct(
                 key=label, scene=measurement.scene, frame=frame, algorithm=name, label=label, status="done", params=params,
-                counts=numbers, memory_bytes=numbers, stages={}, total_seconds=[numbers["seconds"] * 1e-6],
+                counts=numbers, memory_bytes=numbers, stages=MadeUpTimes(numbers), total_seconds=[numbers["seconds"] * 1e-6],
                 levels={kind: [numbers[f"{kind}{level}"] for level in range(3)]
                         for kind in ("node_tests", "refinements", "fruitless_refinements")},
                 accuracy=AccuracyRecord(samples=9, lit_candidates=9, shadowed=1, ambiguous=0, false_shadow=2, false_light=1,
@@ -131,7 +142,7 @@ def test_committed_results_are_whole(item):
     rows = read_csv(folder / "data.csv")
     expected = {(m.scene, m.size, frame) for m in item.full for frame in m.frames}
     assert {(row["scene"], row["size"], row["frame"]) for row in rows} == expected
-    assert all(row.get("wrong", 0) == 0 for row in rows), "exact methods"
+    assert all(row.get("wrong", 0) == 0 for row in rows if ALGORITHMS[row["method"].partition("+")[0]].exact)
     verdicts = json.loads((folder / "verdict.json").read_text())["verdicts"]
     assert [v["claim"] for v in verdicts] == [claim.text for claim in item.claims]
 
