@@ -57,8 +57,8 @@ T2 = Item(
     "He.T2", PAPER, "All rays, uncertain rays, uncertain rays with short intervals", "Table 2",
     "Whole time of a frame without building the kd-tree, rays cast, inner kd-tree nodes met and triangle tests. " + CPU
     + "Published: 158/114/95, 422/288/217, 3115/2670/2585, 956/641/610 ms with all rays, with uncertain ones alone, and "
-    "with those shortened; 55,294 to 32,079, 905,290 to 236,350, 623,890 to 342,105 and 967,655 to 198,576 rays. The heads of "
-    "the last two columns of Table 2 are swapped in the paper: fewer rays are cast with the scheme than without.",
+    "with those shortened; 55,294 to 32,079, 905,290 to 236,350, 623,890 to 342,105 and 967,655 to 198,576 rays. The heads "
+    "of the last two columns of Table 2 are swapped in the paper: fewer rays are cast with the scheme than without.",
     full=measurements(1024, RAYS, 3), quick=measurements(512, RAYS, 1),
     rows=cell_rows("rays_cast", "kd_nodes", "triangle_tests", "wrong", "seconds", "stage.trace"),
     claims=tuple(claim for scene in SCENES for claim in (

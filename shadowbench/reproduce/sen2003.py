@@ -153,8 +153,8 @@ T1 = Item(
 
 C1 = Item(
     "Sen.C1", PAPER, "Memory traffic by the bandwidth model", "sec. 4",
-    SHOWN + "Bytes per frame: 4 per sample of the scene fill; 24 more per sample of the silhouette fill; 5.5 per fragment of "
-    "a shadow volume.", full=fills(512), quick=fills(256), rows=fill_rows,
+    SHOWN + "Bytes per frame: 4 per sample of the scene fill; 24 more per sample of the silhouette fill; 5.5 per fragment "
+    "of a shadow volume.", full=fills(512), quick=fills(256), rows=fill_rows,
     claims=(
         Claim("P is below 1/6 on every scene (largest P)", "below 16.7 %", over_scenes(max, silhouette_share),
               at_most(100.0 / 6.0), at_most(100.0 / 6.0 * SLACK), " %"),
