@@ -1,6 +1,6 @@
 """Hertel, Hormann, Westermann: "A Hybrid GPU Rendering Pipeline for Alias-Free Hard Shadows", 2009: Tables 1 and 2.
 
-The ranges below were fixed before anything was measured.
+The ranges below were fixed before anything was measured; the explanations were added afterwards.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ T1 = Item(
     rows=cell_rows("conservative_fragments", "fragments_discarded", "map_texels_written", "wrong", "stage.map"),
     claims=(
         *(Claim(f"{scene}: polygons take longer than discarding", "1.14x to 1.62x",
-                ratio("stage.map", POLYGON, DISCARD, scene), at_least(1.0), at_least(1.0 / SLACK))
+                ratio("stage.map", POLYGON, DISCARD, scene), at_least(1.0), at_least(1.0 / SLACK),
+                otherwise="Each fragment costs time on a CPU, and discarding looks at more of them")
           for scene in SCENES),
         *(Claim(f"{scene}: discarding looks at more fragments than polygons do", "none; expected above 1x",
                 ratio("conservative_fragments", DISCARD, POLYGON, scene), at_least(1.0), at_least(1.0 / SLACK))
