@@ -103,8 +103,9 @@ class Twin:
         xs, ys = (self.x[x0], self.x[x1]), (self.y[y0 * s.columns], self.y[y1 * s.columns])
         z0 = self.slice_of(s.depth[first]) // nz * nz
         one, z1 = np.float32(1), z0 + nz
-        high = self.r[self.included].max() if z0 == 0 else one / np.float32(self.boundaries[z0])
-        low = np.float32(0) if z1 >= len(self.boundaries) else one / np.float32(self.boundaries[z1])
+        with np.errstate(over="ignore"):
+            high = self.r[self.included].max() if z0 == 0 else one / np.float32(self.boundaries[z0])
+            low = np.float32(0) if z1 >= len(self.boundaries) else one / np.float32(self.boundaries[z1])
         return [(min(xs), max(xs)), (min(ys), max(ys)), (low, high)]
 
     def corners(self, row, box):

@@ -10,6 +10,7 @@ import pytest
 
 from shadowbench import image_io
 from shadowbench.algorithm_specs import parse_algorithm_spec, validate_params
+from shadowbench.algorithms import ALGORITHMS
 from shadowbench.errors import InputError
 from shadowbench.reproduce import ALL_PAPERS, all_items, find_items
 from shadowbench.reproduce.items import Claim, Measured, Measurement, Range, about, at_least, at_most
@@ -37,13 +38,13 @@ class MadeUp(dict):
 
 
 class MadeUpTimes(dict):
-    """A time in seconds for every stage."""
+    """Times for every stage, each less than the whole."""
 
     def __init__(self, numbers):
         self.numbers = numbers
 
     def get(self, name, default=None):
-        return [self.numbers[f"stage {name}"] * 1e-6]
+        return [min(self.numbers[f"stage {name}"], self.numbers["seconds"]) * 0.5e-6]
 
 
 def made_up(measurement):
@@ -150,7 +151,7 @@ def test_committed_results_are_whole(item):
     rows = read_csv(folder / "data.csv")
     expected = {(m.scene, m.size, frame) for m in item.full for frame in m.frames}
     assert {(row["scene"], row["size"], row["frame"]) for row in rows} == expected
-    assert all(row.get("wrong", 0) == 0 for row in rows), "exact methods"
+    assert all(row.get("wrong", 0) == 0 for row in rows if ALGORITHMS[row["method"].partition("+")[0]].exact)
     verdicts = json.loads((folder / "verdict.json").read_text())["verdicts"]
     assert [v["claim"] for v in verdicts] == [claim.text for claim in item.claims]
 

@@ -78,13 +78,20 @@ class Params(FrustumParams):
 
 
 class _Hierarchy(NamedTuple):
-    """The hierarchy of a frame and what the traversal fills."""
+    """The hierarchy of a frame."""
 
     layout: KeyLayout
     clusters: cluster_hierarchy.Clusters
     nodes: cluster_hierarchy.Nodes
-    leaves: cluster_shadow.Leaves
+    largest_r: float
     tiles: cluster_hierarchy.TileSamples
+
+
+class _Filled(NamedTuple):
+    """What a traversal reads and fills besides."""
+
+    rules: Rules
+    leaves: cluster_shadow.Leaves
     shadow: cluster_shadow.Shadow
     counts: cluster_shadow.Counts | None
 
@@ -132,55 +139,55 @@ class Cluster(FrustumAlgorithm):
         """Compute the shadow buffer of one frame."""
         samples, params = frame.samples, self.params
         with probe.stage("hierarchy"):
-            tree = self._build(frame, probe.counting)
+            tree = self._build(frame)
         if tree is None:
             return ShadowBuffer(np.zeros(len(samples.depth), np.float32))
         with probe.stage("frustum_setup"):
             casters = self.find_casters(frame, (np.abs(tree.tiles.plane_x).max(), np.abs(tree.tiles.plane_y).max(),
-                                                float(tree.clusters.r_high.max())))
+                                                tree.largest_r))
             frusta = self.frusta(frame, casters, casters.single)
-        rules = Rules(EYE_EDGES[params.culling_planes] > 0, "wedge" in params.culling_planes, params.skip_shadowed,
-                      params.leaf == "tile")
-        work = [self._walk_frusta(frame, tree, frusta, rules, probe)]
+        with probe.stage("traversal"):
+            filled = self._empty(tree, probe.counting)
+        work = [self._walk_frusta(frame, tree, frusta, filled, probe)]
         if casters.groups is not None:
-            work.append(self._walk_groups(frame, tree, casters, casters.groups, rules, probe))
+            work.append(self._walk_groups(frame, tree, casters, casters.groups, filled, probe))
         with probe.stage("merge"):
-            merged = cluster_shadow.merge_clusters(tree.nodes, tree.clusters, tree.tiles, tree.shadow)
+            merged = cluster_shadow.merge_clusters(tree.nodes, tree.clusters, tree.tiles, filled.shadow)
             if not params.remove_unlit:
                 merged[~samples.candidate] = 0.0
         self._record_memory(tree, probe)
-        if tree.counts is None:
+        if filled.counts is None:
             return ShadowBuffer(merged)
-        self._record_counts(frame, tree, work, probe)
+        self._record_counts(frame, tree, filled.counts, work, probe)
         return ShadowBuffer(merged, {"levels": cluster_counts.picture_levels(tree.nodes, tree.clusters, tree.tiles)})
 
-    def _walk_frusta(self, frame: Frame, tree: _Hierarchy, frusta: Frusta, rules: Rules, probe: Probe) -> _Work:
+    def _walk_frusta(self, frame: Frame, tree: _Hierarchy, frusta: Frusta, filled: _Filled, probe: Probe) -> _Work:
         """Walk frusta by themselves, in two passes (Sec. 2.2)."""
         split, n_frusta = 1, len(frusta.triangle)
         if self.params.passes == "two":
             split = min(self.params.split_level, len(tree.layout.level_bits))
         with probe.stage("traversal"):
-            jobs, first_pass = expand(n_frusta, tree.nodes, frusta, None, rules, split, tree.shadow, tree.counts)
-            second_pass = finish((tree.nodes, tree.leaves), tree.tiles, frusta, None, rules, jobs, frame.samples.depth,
-                                 tree.shadow, tree.counts)
+            jobs, first_pass = expand(n_frusta, tree.nodes, frusta, None, filled.rules, split, filled.shadow, filled.counts)
+            second_pass = finish((tree.nodes, filled.leaves), tree.tiles, frusta, None, filled.rules, jobs,
+                                 frame.samples.depth, filled.shadow, filled.counts)
         return _Work(jobs, first_pass, second_pass, frusta.triangle, np.arange(n_frusta + 1))
 
-    def _walk_groups(self, frame: Frame, tree: _Hierarchy, casters: Casters, groups: Groups, rules: Rules, probe: Probe
-                     ) -> _Work:
+    def _walk_groups(self, frame: Frame, tree: _Hierarchy, casters: Casters, groups: Groups, filled: _Filled,
+                     probe: Probe) -> _Work:
         """Walk groups down to the parents of the clusters, and from there the members of those that get so far."""
         first = casters.first()
         with probe.stage("traversal"):
-            jobs, first_pass = expand(len(first) - 1, tree.nodes, None, groups, rules,
-                                      max(len(tree.layout.level_bits) - 1, 1), tree.shadow, tree.counts)
+            jobs, first_pass = expand(len(first) - 1, tree.nodes, None, groups, filled.rules,
+                                      max(len(tree.layout.level_bits) - 1, 1), filled.shadow, filled.counts)
         with probe.stage("frustum_setup"):
             members, groups = needed_members(groups, jobs.unit)
             frusta = self.frusta(frame, casters, casters.grouped[members])
         with probe.stage("traversal"):
-            second_pass = finish((tree.nodes, tree.leaves), tree.tiles, frusta, groups, rules, jobs, frame.samples.depth,
-                                 tree.shadow, tree.counts)
+            second_pass = finish((tree.nodes, filled.leaves), tree.tiles, frusta, groups, filled.rules, jobs,
+                                 frame.samples.depth, filled.shadow, filled.counts)
         return _Work(jobs, first_pass, second_pass, casters.grouped, first)
 
-    def _build(self, frame: Frame, counting: bool) -> _Hierarchy | None:
+    def _build(self, frame: Frame) -> _Hierarchy | None:
         """Build the hierarchy; None if no sample is included."""
         samples, params = frame.samples, self.params
         layout = key_layout(samples.columns, samples.rows)
@@ -189,13 +196,19 @@ class Cluster(FrustumAlgorithm):
                                                np.ascontiguousarray(samples.plane_y[:: samples.columns]))
         slices = make_slices(start if start < np.inf else frame.camera.near, frame.camera.tan_y, tiles.rows,
                              1 << int(layout.axis_shift[0, 2]))
-        clusters, nodes = cluster_hierarchy.build_cluster_tree(
+        clusters, nodes, largest_r = cluster_hierarchy.build_cluster_tree(
             tiles, samples.depth, self.included(frame), layout, slices, params.bounds == "explicit", params.layout == "full")
         if nodes is None:
             return None
-        shadow = cluster_shadow.empty_shadow(nodes, clusters, tiles.columns * tiles.rows, params.leaf == "tile")
-        return _Hierarchy(layout, clusters, nodes, cluster_shadow.make_leaves(clusters, tiles), tiles, shadow,
-                          cluster_shadow.empty_counts(nodes) if counting else None)
+        return _Hierarchy(layout, clusters, nodes, largest_r, tiles)
+
+    def _empty(self, tree: _Hierarchy, counting: bool) -> _Filled:
+        """Allocate the shadow buffer, and counts if they are asked for."""
+        planes, whole = self.params.culling_planes, self.params.leaf == "tile"
+        shadow = cluster_shadow.empty_shadow(tree.nodes, tree.clusters, tree.tiles.columns * tree.tiles.rows, whole)
+        return _Filled(Rules(EYE_EDGES[planes] > 0, "wedge" in planes, self.params.skip_shadowed, whole),
+                       cluster_shadow.make_leaves(tree.clusters), shadow,
+                       cluster_shadow.empty_counts(tree.nodes) if counting else None)
 
     def _record_memory(self, tree: _Hierarchy, probe: Probe) -> None:
         """Record what the layout holds, and what both layouts take by the paper's model (Sec. 3)."""
@@ -208,10 +221,10 @@ class Cluster(FrustumAlgorithm):
             probe.memory("modelled_full", n_full * BOX_BYTES)
             probe.memory("modelled_compact", n_full * POINTER_BYTES + n_occupied * BOX_BYTES)
 
-    def _record_counts(self, frame: Frame, tree: _Hierarchy, work: list[_Work], probe: Probe) -> None:
+    def _record_counts(self, frame: Frame, tree: _Hierarchy, counts: cluster_shadow.Counts, work: list[_Work],
+                       probe: Probe) -> None:
         """Report totals, levels, triangles, jobs and the heat map from the kernels' counts."""
-        nodes, counts, whole = tree.nodes, tree.counts, self.params.leaf == "tile"
-        assert counts is not None
+        nodes, whole = tree.nodes, self.params.leaf == "tile"
         n_inner, first = len(nodes.first_child), nodes.first[:-2]
         for name, values in (("node_tests", counts.tests), ("group_tests", counts.group_tests),
                              ("trivial_accepts", counts.accepts), ("trivial_rejects", counts.rejects),

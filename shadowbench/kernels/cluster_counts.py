@@ -22,8 +22,7 @@ def samples_of_clusters(clusters, samples):
     """
     bits = np.unpackbits(clusters.samples.astype("<u8").view(np.uint8).reshape(-1, 8), axis=1, bitorder="little")
     cluster, lane = np.nonzero(bits)
-    row = clusters.tile[cluster] // samples.columns * TILE + lane // TILE
-    column = clusters.tile[cluster] % samples.columns * TILE + lane % TILE
+    row, column = clusters.row[cluster] * TILE + lane // TILE, clusters.column[cluster] * TILE + lane % TILE
     return cluster, row * len(samples.plane_x) + column
 
 

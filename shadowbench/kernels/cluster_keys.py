@@ -6,6 +6,7 @@ that z' has more than the others end up on top. Five bits at a time the key is t
 samples 7 + 7 + 9 bits, hence a root with 8 children (depth slices) and four levels of 32.
 """
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -67,8 +68,9 @@ class Slices(NamedTuple):
     first: int
 
 
+@functools.lru_cache(maxsize=8)
 def key_layout(n_columns, n_rows):
-    """Lay out the keys for a grid of samples.
+    """Lay out the keys for a grid of samples. The same arrays for the same grid: do not write to them.
 
     Raises
     ------
@@ -107,7 +109,8 @@ def make_slices(start, tan_y, n_tile_rows, n_slices):
     step = 2.0 * tan_y / n_tile_rows
     boundaries = np.full(n_slices, 1.0 + step)
     boundaries[0] = start
-    boundaries = np.multiply.accumulate(boundaries)
+    with np.errstate(over="ignore"):        # far slices of a very flat image may begin at infinity
+        boundaries = np.multiply.accumulate(boundaries)
     # A range is 2^-n of an octave, so that it holds at most one boundary
     shift = MANTISSA_BITS - max(0, 1 - math.frexp(step)[1])
     ranges = boundaries.view(np.int64) >> shift

@@ -33,6 +33,9 @@ class PaperEntry:
 
 
 ALL_PAPERS: tuple[PaperEntry, ...] = (
+    PaperEntry("sen2003", "Sen, Cammarano, Hanrahan 2003"),
+    PaperEntry("chan2004", "Chan, Durand 2004"),
+    PaperEntry("hertel2009", "Hertel, Hormann, Westermann 2009"),
     PaperEntry("sintorn2011", "Sintorn, Olsson, Assarsson 2011"),
     PaperEntry("sintorn2014", "Sintorn, Kämpe, Olsson, Assarsson 2014"),
     PaperEntry("new", "New: what none of the papers has"),
