@@ -170,6 +170,22 @@ def check(suite: Path, **options: Any) -> None:
     sys.exit(command(suite, **options))
 
 
+@cli.command()
+@click.argument("algorithms", metavar="[ALG[key=value,...]]...", nargs=-1, type=AlgorithmArgument())
+@click.option("--case", metavar="NAME", help="Run one case alone.")
+@click.option("--quick", is_flag=True, help="Leave out the large image and the large mesh.")
+@with_plugins
+def verify(algorithms: tuple[str, ...], case: str | None, quick: bool) -> None:
+    """Examine methods: interface, counts, determinism, and hard cases against the reference.
+
+    Without ALG, all methods and plug-ins. Ends with exit code 3 if something is wrong, and says what, and how to run that
+    case again.
+    """
+    from shadowbench.conformance.run import verify as command
+
+    sys.exit(command(algorithms, case, quick))
+
+
 class ItemArgument(click.ParamType):
     """What `reproduce` takes; completes papers and items."""
 

@@ -110,8 +110,10 @@ def _exists(module: str) -> bool:
 
 
 def load_files(files: Iterable[Path]) -> None:
-    """Load plug-in files: each may hold one or more classes derived from `Algorithm`."""
+    """Load plug-in files, each once: each may hold one or more classes derived from `Algorithm`."""
     for file in files:
+        if file.absolute() in _files:
+            continue
         try:
             found = _classes_in(file.absolute())
         except (Exception, SystemExit) as error:

@@ -13,7 +13,7 @@ import click
 
 from shadowbench import plan
 from shadowbench.algorithm_specs import parse_algorithm_spec, validate_params
-from shadowbench.algorithms import ALL_ALGORITHMS
+from shadowbench.algorithms import ALGORITHMS, ALL_ALGORITHMS
 from shadowbench.algorithms.base import AlgorithmParams
 from shadowbench.cli import EXIT_INTERRUPTED, EXIT_OK, EXIT_SOME_FAILED
 from shadowbench.config import resolved_yaml
@@ -113,9 +113,20 @@ def _folders(out: Path | None, names: list[str], resume: bool) -> list[Path]:
 
 def _selections(scene: Scene, chosen: Sequence[tuple[str, dict[str, Any]]]) -> list[tuple[str, AlgorithmParams]]:
     """Decide which algorithms run: those asked for, or all, each swept over its axes of the scene's matrix."""
-    everything = [(name, {}) for name in [*(entry.name for entry in ALL_ALGORITHMS), *plugin_names()]]
-    wanted = chosen or scene.config.selections() or everything
+    wanted = chosen or scene.config.selections() or [(name, {}) for name in _everything()]
     return [(name, validate_params(name, params)) for name, params in plan.sweep(wanted, scene.config.matrix)]
+
+
+def _everything() -> list[str]:
+    """Names of all algorithms and of the plug-ins that can be loaded."""
+    names = [entry.name for entry in ALL_ALGORITHMS]
+    for name in plugin_names():
+        try:
+            ALGORITHMS[name].load()
+            names.append(name)
+        except InputError as error:
+            click.echo(f"warning: {error}", err=True)
+    return names
 
 
 def _run_scene(scene: Scene, load_seconds: float, folder: Path, request: Request) -> int:

@@ -22,6 +22,7 @@ from numba.core.event import Event, Listener, register
 
 from shadowbench.geometry import Frame
 from shadowbench.plan import Cell, RunOptions
+from shadowbench.plugins import load_files
 from shadowbench.progress import Progress
 from shadowbench.results import CellResult, RunFolderError, make_folder
 from shadowbench.runner import Measurer, Truth, failed_result, outcome
@@ -79,7 +80,8 @@ class _Worker:
                     return self.n_done
         except (EOFError, OSError):
             self.process.join()
-            self._give_up(f"the worker process ended with {_how(self.process.exitcode)}")
+            if self.n_done < len(self.cells):
+                self._give_up(f"the worker process ended with {_how(self.process.exitcode)}")
             return self.n_done
         finally:
             self.process.kill()
@@ -150,6 +152,7 @@ def _work(pipe: Connection, plugin_files: tuple[Path, ...]) -> None:
     """Measure what the pipe asks for: the worker process's whole life."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)        # Ctrl-C is for the process that waits
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    load_files(plugin_files)                            # so that what comes through the pipe finds its classes
     scene, cells, options, path = pipe.recv()
     lock = threading.Lock()
 
