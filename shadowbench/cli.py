@@ -274,13 +274,13 @@ def show(what: str) -> None:
 @click.argument("files", metavar="FILE...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @with_plugins
 def validate(files: tuple[Path, ...]) -> None:
-    """Check scene files and print every problem with its line and column."""
-    from shadowbench.config import load_config
+    """Check scene files and suites and print every problem with its line and column."""
+    from shadowbench.commands import validate_file
 
     problems = []
     for file in files:
         try:
-            load_config(file)
+            validate_file(file)
             click.echo(f"{file}: ok")
         except InputError as error:
             problems.append(str(error))

@@ -7,7 +7,7 @@ import inspect
 from pathlib import Path
 
 from shadowbench.algorithms import ALGORITHMS
-from shadowbench.config import load_config, resolved_yaml
+from shadowbench.config import load_config, read_document, resolved_yaml, validate_document
 from shadowbench.errors import InputError
 from shadowbench.report.table import format_table, summary
 from shadowbench.results import read_run
@@ -48,6 +48,23 @@ def describe_run(path: Path) -> str:
     lines = [f"{document['scene']}: {document['status']}, {document['created']}",
              *[f"warning: {text}" for text in document.get("warnings", [])], summary(cells)]
     return "\n".join(lines)
+
+
+def validate_file(file: Path) -> None:
+    """Check a scene file, or a suite, which is known by its ``scenes:``.
+
+    Raises
+    ------
+    InputError
+        With every problem.
+    """
+    document = read_document(file)
+    if isinstance(document.value, dict) and "scenes" in document.value and "geometry" not in document.value:
+        from shadowbench.check.suite import load_suite
+
+        load_suite(file)
+    else:
+        validate_document(document)
 
 
 def not_found(what: str) -> str:

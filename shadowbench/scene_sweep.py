@@ -36,5 +36,5 @@ def scene_variants(config: SceneConfig) -> list[list[str]]:
 
 def variant_name(name: str, settings: Iterable[tuple[str, Any]]) -> str:
     """Name a variant after its settings: ``citadel-image.width_512-frames_4``."""
-    parts = [f"{axis}_{json.dumps(value)}" for axis, value in settings]
-    return re.sub(r"[^\w.-]+", "_", "-".join([name, *parts])).replace("_-", "-").rstrip("_")[:100]
+    parts = [re.sub(r"[^\w.-]+", "_", f"{axis}={json.dumps(value)}").strip("_") for axis, value in settings]
+    return "-".join([name, *parts])[:100]

@@ -139,6 +139,14 @@ def test_the_committed_suite_and_baseline_cover_every_method():
     assert {p.scene for p in counts} == set(re.findall(r"^  - scene: (\w+)", text, re.MULTILINE))
 
 
+def test_validate_knows_a_suite(tmp_path):
+    (tmp_path / "s.yaml").write_text(SUITE)
+    assert call("validate", tmp_path / "s.yaml").code == 0
+    (tmp_path / "s.yaml").write_text(SUITE.replace("plane_box", "plane_bxo"))
+    done = call("validate", tmp_path / "s.yaml")
+    assert done.code == 2 and "s.yaml:4:12 scenes[0].scene no such scene file or built-in scene; did you mean" in done.errors
+
+
 @pytest.fixture
 def gate(tmp_path, monkeypatch):
     """A folder with a small suite and its baseline; returns a function that runs the check there."""

@@ -47,8 +47,6 @@ def _check_params(params: type[AlgorithmParams]) -> Iterator[str]:
     for name, field in params.model_fields.items():
         if not field.description:
             yield f"the parameter {name} has no line of help: declare it with `parameter(default, help)`"
-        if field.is_required():
-            yield f"the parameter {name} has no default"
 
 
 def check_buffer(shadow: Any, frame: Frame) -> Iterator[str]:
