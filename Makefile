@@ -2,6 +2,7 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 RUN := $(BIN)/shadowbench
+WORKERS ?= 2
 
 .PHONY: help demo test test-slow check bench lint clean
 help:
@@ -29,8 +30,9 @@ demo: .venv/installed
 	@echo "  $(RUN) run gate -a reference -a 'shadow_map[resolution=512]'"
 	@echo "  $(RUN) init my_scene      then edit my_scene.yaml and run it"
 
+# Files are dealt out whole: what they compile is then compiled once, mostly.
 test: .venv/installed-dev
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
 test-slow: .venv/installed-dev
 	$(BIN)/python -m pytest -m slow

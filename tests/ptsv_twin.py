@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from shadowbench.kernels.group_frustum import N_GROUP_ROWS
 from shadowbench.kernels.lanes import UNDECIDED
 from shadowbench.kernels.shadow_frustum import CAP_ROW, EYE_ROW, N_ROWS, WEDGE_ROW
 
@@ -38,7 +39,7 @@ def value(row, x, y, r):
 class Twin:
     """The method on one frame; `run` fills `shadow`, `heat` and `counts`."""
 
-    def __init__(self, frame, params, frusta):
+    def __init__(self, frame, params, frusta, groups=None):
         self.params, self.samples = params, frame.samples
         self.n_columns, self.n_rows = frame.samples.columns, frame.samples.rows
         self.rows = frusta.rows.reshape(-1, N_ROWS, 4)
@@ -59,7 +60,8 @@ class Twin:
         self.root = self.make_tile(0, 0, 0)
         self.counts = {name: np.zeros(len(self.grids), np.int64) for name in
                        ("tests", "trivial_accepts", "trivial_rejects", "refinements", "fruitless_refinements")}
-        self.retries = 0
+        self.counts["group_tests"] = np.zeros(len(self.grids), np.int64)
+        self.retries, self.groups, self.group_tests = 0, groups, {}
 
     def make_tile(self, level, x0, y0):
         """Make the tile of a level whose first sample is (x0, y0), with all below it; None if off the image."""
@@ -93,8 +95,14 @@ class Twin:
 
     def run(self):
         if self.root is not None and self.included.any():
-            for k in range(len(self.triangle)):
+            for k in range(len(self.triangle) if self.groups is None else self.groups[1][0]):
                 self.visit(k, self.root, 0)
+            for g in range(0 if self.groups is None else len(self.groups[1]) - 1):
+                self.visit_group(g, self.root, 0)
+            for g, tests in self.group_tests.items():
+                members = range(self.groups[1][g], self.groups[1][g + 1])
+                for i, k in enumerate(members):
+                    self.per_triangle[self.triangle[k]] += tests // len(members) + (i < tests % len(members))
         self.in_shadow &= self.samples.candidate
         heat = np.zeros(len(self.r))
         for _, (tile, n_visits) in sorted(self.visits.items(), key=lambda item: item[0]):
@@ -103,8 +111,24 @@ class Twin:
         self.heat = np.rint(heat).astype(np.int64)
         return self
 
-    def visit(self, k, tile, level):
-        """Test what is in a tile; True if anything in it is found in shadow."""
+    def visit_group(self, g, tile, level):
+        """Test the children of a tile against a group; above the samples' tiles its members take over."""
+        self.counts["group_tests"][level] += self.params.branching
+        self.group_tests[g] = self.group_tests.get(g, 0) + self.params.branching
+        self.visits.setdefault((-level, tile.x0, tile.y0), [tile, 0])[1] += 1
+        rows = self.groups[0].reshape(-1, N_GROUP_ROWS, 4)[g]
+        met = [child for child in tile.children if self.is_open(child)
+               and all(self.at_corners(row, self.box_of(child))[0] <= LIMIT for row in rows)]
+        if level < len(self.grids) - 2:
+            for child in met:
+                self.visit_group(g, child, level + 1)
+            return
+        for k in range(self.groups[1][g], self.groups[1][g + 1]):
+            if any(self.is_open(child) for child in met):
+                self.visit(k, tile, level, met)
+
+    def visit(self, k, tile, level, among=None):
+        """Test what is in a tile, or some of its children; True if anything in it is found in shadow."""
         found = False
         self.counts["tests"][level] += self.params.branching
         self.per_triangle[self.triangle[k]] += self.params.branching
@@ -114,7 +138,7 @@ class Twin:
                 if not (self.params.skip_shadowed and self.in_shadow[i]):
                     found |= self.test_sample(k, i)
             return found
-        children = [child for child in tile.children if self.is_open(child)]
+        children = [child for child in (tile.children if among is None else among) if self.is_open(child)]
         outcome = [(child, self.classify(k, child)) for child in children]
         for child, kind in outcome:
             self.counts[kind][level] += 1
@@ -127,24 +151,31 @@ class Twin:
                 found |= fruitful
         return found
 
-    def classify(self, k, tile):
-        """Test a tile's box: screen extent of all its samples, depth of those in the tree."""
+    def box_of(self, tile):
+        """A tile's box: screen extent of all its samples, depth of those in the tree."""
         everything, inside = self.all_samples(tile), self.inside(tile)
-        box = [(self.x[everything].min(), self.x[everything].max()),
-               (self.y[everything].min(), self.y[everything].max()),
-               (self.r[inside].min(), self.r[inside].max())]
-        planes = self.params.culling_planes
+        return [(self.x[everything].min(), self.x[everything].max()),
+                (self.y[everything].min(), self.y[everything].max()),
+                (self.r[inside].min(), self.r[inside].max())]
+
+    def at_corners(self, row, box):
+        """A row's values at the reject and at the accept corner."""
+        reject = [high if a < 0 else low for a, (low, high) in zip(row[:3], box, strict=True)]
+        accept = [low if a < 0 else high for a, (low, high) in zip(row[:3], box, strict=True)]
+        return value(row, *reject), value(row, *accept)
+
+    def classify(self, k, tile):
+        """Test a tile's box."""
+        box, planes = self.box_of(tile), self.params.culling_planes
         rows = list(range(WEDGE_ROW))
         rows += range(WEDGE_ROW, EYE_ROW) if "wedge" in planes else ()
         rows += range(EYE_ROW, N_ROWS) if planes not in ("none", "wedge") else ()
         accepted = True
         for number in rows:
-            row = self.rows[k, number]
-            reject_corner = [high if a < 0 else low for a, (low, high) in zip(row[:3], box, strict=True)]
-            accept_corner = [low if a < 0 else high for a, (low, high) in zip(row[:3], box, strict=True)]
-            if value(row, *reject_corner) > LIMIT:
+            reject, accept = self.at_corners(self.rows[k, number], box)
+            if reject > LIMIT:
                 return "trivial_rejects"
-            if number < WEDGE_ROW and not value(row, *accept_corner) < -LIMIT:
+            if number < WEDGE_ROW and not accept < -LIMIT:
                 accepted = False
         return "trivial_accepts" if accepted else "refinements"
 

@@ -1,4 +1,4 @@
-"""Citadel and cubes: exact counts, the same bytes every time, sound triangles, and a path clear of geometry."""
+"""Citadel, cubes, strike and dragon cage: exact counts, same bytes every time, sound triangles, a path clear of geometry."""
 
 import hashlib
 import subprocess
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.scenes import ALL_SCENES, SCENES, citadel, cubes
+from shadowbench.scenes import ALL_SCENES, SCENES, citadel, cubes, dragon_cage, strike
 from shadowbench.scenes.hill import YARD, Hill
 from shadowbench.scenes.paths import curve_position
 from shadowbench.scenes.procedural import GRID_STEPS, SmoothNoise, snap
@@ -24,7 +24,9 @@ class Expected(NamedTuple):
 
 
 PROMISES = {"citadel": Expected(citadel.MINIMUM, "be2149d50f7d880a"),
-            "cubes": Expected(cubes.MINIMUM, "d8e2daf5a01ee005")}
+            "cubes": Expected(cubes.MINIMUM, "d8e2daf5a01ee005"),
+            "strike": Expected(strike.MINIMUM, "d06f0f5ef12a39b1"),
+            "dragon_cage": Expected(dragon_cage.MINIMUM, "049fb103a76acbd8")}
 N_FRAMES = 48
 
 

@@ -11,7 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from shadowbench import accuracy
 from shadowbench.algorithms.cluster import Cluster, Params
+from shadowbench.algorithms.reference import reference_frame
 from shadowbench.geometry import Frame, ImageSize, Mesh
 from shadowbench.jit import set_threads
 from shadowbench.kernels.cluster_counts import full_tree_nodes
@@ -24,7 +26,7 @@ from shadowbench.probe import Probe
 from shadowbench.scenes.loader import load_scene
 from shadowbench.view_samples import SAMPLE_PATTERNS
 from tests.cluster_twin import Twin
-from tests.hard_cases import Case, soup
+from tests.hard_cases import HARD_CASES, Case, soup
 
 SEEDS = st.integers(0, 10**6)
 KINDS = st.sampled_from(["random", "grid", "slivers"])
@@ -154,6 +156,38 @@ def test_all_counts_equal_the_twins(seed, kind, params):
 @given(SEEDS, KINDS, OPTIONS)
 def test_all_counts_equal_the_twins_at_length(seed, kind, params):
     check_against_twin(seed, kind, params)
+
+
+# Any combination of options against the reference
+
+def wrong_samples(frame, params):
+    """Samples whose answer differs from the reference's and is not ambiguous."""
+    shadow = run(frame, params, counting=False)[0].shadow
+    truth, ambiguous = reference_frame(frame, Probe(), Cluster(params).casters(frame))
+    errors = accuracy.classify(shadow, truth, ambiguous, frame.samples.candidate)
+    return accuracy.measure(shadow, errors, ambiguous, frame.samples.candidate).wrong
+
+
+@settings(deadline=None, max_examples=20)
+@given(SEEDS, KINDS, OPTIONS)
+def test_no_sample_is_wrong_with_any_combination_of_options(seed, kind, params):
+    assert wrong_samples(frame_of(seed, kind, 60), params) == 0
+
+
+@pytest.mark.slow
+@settings(deadline=None, max_examples=1000)
+@given(SEEDS, KINDS, OPTIONS, st.sampled_from([1, 2, 4]))
+def test_no_sample_is_wrong_with_any_combination_of_options_at_length(seed, kind, params, n_threads):
+    set_threads(n_threads)
+    assert wrong_samples(frame_of(seed, kind, 60), params) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", HARD_CASES)
+@settings(deadline=None, max_examples=25)
+@given(params=OPTIONS)
+def test_no_sample_of_a_hard_case_is_wrong_with_any_combination_of_options(case, params):
+    assert wrong_samples(HARD_CASES[case].frame(), params) == 0
 
 
 # Determinism and sameness

@@ -63,3 +63,21 @@ def test_every_model_runs(name, models, tmp_path):
 def test_stencil_volumes_are_exact_on_every_model(name, models, tmp_path):
     for accuracy in run_model(name, models, tmp_path, "z_pass", "z_fail")[2:]:
         assert accuracy["false_shadow"] == accuracy["false_light"] == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_cluster_hierarchies_are_exact_on_every_model(name, models, tmp_path):
+    methods = ("cluster", "cluster[bounds=implicit,passes=one,culling_planes=none]",
+               "cluster[culling_planes=outline,group=16,layout=compact,leaf=cluster]",
+               "ptsv[culling_planes=outline+wedge,group=16,casters=auto]")
+    for accuracy in run_model(name, models, tmp_path, *methods)[2:]:
+        assert accuracy["false_shadow"] == accuracy["false_light"] == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_traced_shadows_are_exact_on_every_model(name, models, tmp_path):
+    methods = "ray_traced", "conservative_map", "conservative_map[raster=polygon]"
+    for accuracy in run_model(name, models, tmp_path, *methods)[2:]:
+        assert accuracy["false_shadow"] == accuracy["false_light"] == 0

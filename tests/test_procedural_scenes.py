@@ -1,4 +1,4 @@
-"""Citadel, gate and cubes: exact counts, repeatability, sound triangles, and a camera path clear of geometry."""
+"""Citadel, gate, cubes, strike and dragon cage: exact counts, repeatability, sound triangles, a path clear of geometry."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -11,7 +11,7 @@ from shadowbench.scenes import SCENES, citadel, gate
 from shadowbench.scenes.paths import curve_position
 from shadowbench.scenes.procedural import GRID_STEPS, ProceduralScene
 
-NAMES = ("citadel", "gate", "cubes")
+NAMES = ("citadel", "gate", "cubes", "strike", "dragon_cage")
 MODELS = ("citadel", "gate")
 FRAMES = 24
 
@@ -148,6 +148,31 @@ def test_closed_and_open_parts_are_both_there(name):
 
 def test_cubes_are_there_as_closed_parts():
     assert sum(closed_parts(default_scene("cubes"))) >= 20
+
+
+def test_strike_has_ten_closed_pins_of_450_triangles_and_a_ball():
+    scene = default_scene("strike")
+    mesh = scene.mesh
+    pins = [p for p in range(mesh.part.max() + 1) if mesh.materials[mesh.material[mesh.part == p][0]].name == "pin"]
+    sizes = np.bincount(mesh.part)
+    assert len(pins) == 10 and np.all(sizes[pins] == 450)
+    closed = closed_parts(scene)
+    assert sum(closed) == 11 and all(closed[p] for p in pins)
+    # They stand on the lane, and no two meet
+    points = [np.unique(corners(scene)[mesh.part == p].reshape(-1, 3), axis=0) for p in pins]
+    assert all(abs(p[:, 1].min()) < 1e-4 and 3.5 < p[:, 1].max() < 3.9 for p in points)
+    gaps = [np.sqrt(((a[:, None] - b) ** 2).sum(axis=2)).min() for i, a in enumerate(points) for b in points[:i]]
+    assert min(gaps) > 0.1
+
+
+def test_dragon_cage_holds_a_closed_body_clear_of_the_bars():
+    scene = default_scene("dragon_cage")
+    mesh, closed = scene.mesh, closed_parts(scene)
+    name = [mesh.materials[mesh.material[mesh.part == p][0]].name for p in range(mesh.part.max() + 1)]
+    assert all(closed[p] == (name[p] in ("hide", "iron")) for p in range(len(name)))
+    body = corners(scene)[mesh.part == name.index("hide")].reshape(-1, 3)
+    radius = np.sqrt(body[:, 0] ** 2 + body[:, 2] ** 2)
+    assert 1.0 < radius.min() < radius.max() < 5.3 and body[:, 1].min() > 2.0 and len(body) > 3 * 5000
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -15,6 +15,9 @@ from shadowbench.algorithms.ptsv import EYE_EDGES, Params, Ptsv
 from shadowbench.algorithms.reference import reference_frame
 from shadowbench.geometry import Camera, Frame, ImageSize, Light, Mesh
 from shadowbench.jit import set_threads
+from shadowbench.kernels.depth_hierarchy import tile_levels
+from shadowbench.kernels.frustum_groups import group_triangles
+from shadowbench.kernels.group_frustum import make_groups
 from shadowbench.kernels.shadow_frustum import View, casting_triangles, find_facing, make_frusta
 from shadowbench.probe import Probe
 from shadowbench.view_samples import render_view_samples
@@ -25,7 +28,7 @@ PLANES = tuple(EYE_EDGES)
 SEEDS = st.integers(0, 10**6)
 OPTIONS = st.builds(Params, branching=st.sampled_from(BRANCHINGS), culling_planes=st.sampled_from(PLANES),
                     casters=st.sampled_from(["all", "back_faces", "auto"]), remove_unlit=st.booleans(),
-                    skip_shadowed=st.booleans())
+                    skip_shadowed=st.booleans(), group=st.sampled_from([1, 1, 8, 16, 64]))
 
 
 def make_frame(corners, light, camera, image=None, bias=None):
@@ -103,11 +106,11 @@ def test_counts_equal_the_twin(seed, kind, params):
     probe = Probe(counting=True)
     algorithm = Ptsv(params)
     shadow = algorithm.shadows(frame, probe).shadow
-    twin = Twin(frame, params, frusta_of(frame, params)).run()
+    twin = Twin(frame, params, *frusta_of(frame, params)).run()
     assert np.array_equal(shadow.astype(bool), twin.in_shadow)
     assert probe.levels["node_tests"] == twin.counts["tests"][:-1].tolist()
     assert probe.counts["sample_tests"] == twin.counts["tests"][-1]
-    for name in ("trivial_accepts", "trivial_rejects", "refinements", "fruitless_refinements"):
+    for name in ("group_tests", "trivial_accepts", "trivial_rejects", "refinements", "fruitless_refinements"):
         assert probe.levels[name] == twin.counts[name][:-1].tolist()
     assert probe.counts["float64_sample_tests"] == twin.retries
     assert np.array_equal(probe.triangle_counts["test_and_set"], twin.per_triangle)
@@ -116,16 +119,21 @@ def test_counts_equal_the_twin(seed, kind, params):
 
 
 def frusta_of(frame, params):
-    """The frusta that the method sets up."""
-    samples = frame.samples
+    """The frusta and groups that the method sets up."""
+    samples, corners, light = frame.samples, frame.mesh.corners, frame.light.xyzw()
     included = samples.candidate | (not params.remove_unlit)
     r = np.float32(1) / samples.depth[included].astype(np.float32)
     reach = np.array([np.abs(samples.plane_x).max(), np.abs(samples.plane_y).max(), r.max(initial=0)])
     sides = np.empty(frame.mesh.n_triangles, np.int8)
-    find_facing(frame.mesh.corners, frame.light.xyzw(), sides)
-    view = View(*frame.camera[:4], frame.light.xyzw(), frame.bias, reach)
-    return make_frusta(frame.mesh.corners, sides, casting_triangles(sides, Ptsv(params).casters(frame)), view,
-                       EYE_EDGES[params.culling_planes], "wedge" in params.culling_planes)
+    find_facing(corners, light, sides)
+    view = View(*frame.camera[:4], light, frame.bias, reach)
+    triangles, groups = casting_triangles(sides, Ptsv(params).casters(frame)), None
+    if params.group > 1 and len(tile_levels(samples.columns, samples.rows, params.branching)) >= 3:
+        units, faces = group_triangles(corners, triangles, light, params.group)
+        groups, triangles = make_groups(corners, units, faces, view), units.order
+    frusta = make_frusta(corners, sides, triangles, view, EYE_EDGES[params.culling_planes],
+                         "wedge" in params.culling_planes)
+    return frusta, None if groups is None else (groups.rows, groups.first)
 
 
 def everything(frame, params):

@@ -137,9 +137,9 @@ def twin_shadow_map(frame, resolution, projection, pcf, bias, slope_bias):
         right, up, forward = (inner(a, frame.samples.normal[i]) for a in axes)
         step = slope_bias * (radius + 0.5) * 2 * half / resolution
         if parallel:
-            limit = z - step * (abs(right) + abs(up)) / abs(forward)
+            limit = z - (step * abs(right) + step * abs(up)) / abs(forward)
         else:
-            limit = z / (1 + step * (abs(right) + abs(up)) / abs(forward + (u * right + v * up)))
+            limit = z / (1 + (step * abs(right) + step * abs(up)) / abs(forward + (u * right + v * up)))
         row = math.floor(side / 2 - v / half * (resolution / 2))
         column = math.floor(side / 2 + u / half * (resolution / 2))
         block = maps[face][row - radius:row + radius + 1, column - radius:column + radius + 1]

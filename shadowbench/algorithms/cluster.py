@@ -40,23 +40,16 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.algorithms.base import (
-    Algorithm,
-    AlgorithmParams,
-    Frame,
-    Mesh,
-    Probe,
-    ShadowBuffer,
-    parameter,
-)
-from shadowbench.kernels import cluster_counts, cluster_hierarchy, cluster_shadow, shadow_frustum
-from shadowbench.kernels.caster_selection import closed_triangles, select_casters
+from shadowbench.algorithms.base import Frame, Probe, ShadowBuffer, parameter
+from shadowbench.algorithms.frustum_base import Casters, FrustumAlgorithm, FrustumParams
+from shadowbench.kernels import cluster_counts, cluster_hierarchy, cluster_shadow
 from shadowbench.kernels.cluster_jobs import Jobs, Rules, expand
 from shadowbench.kernels.cluster_keys import KeyLayout, key_layout, make_slices
 from shadowbench.kernels.cluster_traversal import finish
 from shadowbench.kernels.culling_planes import EYE_EDGES
-from shadowbench.kernels.frustum_groups import group_triangles
-from shadowbench.kernels.group_frustum import Groups, make_groups, needed_members
+from shadowbench.kernels.group_frustum import Groups, needed_members
+from shadowbench.kernels.shadow_frustum import Frusta
+from shadowbench.kernels.unit_counts import add_to_triangles, sum_by_unit
 
 if TYPE_CHECKING:
     from shadowbench.scenes.loader import Scene
@@ -68,7 +61,7 @@ LARGEST_FULL_KEY = 26
 """Bits of the longest key that the full layout serves: 1.6 GB of boxes at 2048 x 2048, and 8 times that at 4096."""
 
 
-class Params(AlgorithmParams):
+class Params(FrustumParams):
     """Parameters of `Cluster`."""
 
     bounds: Literal["explicit", "implicit"] = parameter(
@@ -82,21 +75,23 @@ class Params(AlgorithmParams):
     leaf: Literal["tile", "cluster"] = parameter("tile", "samples that a leaf tests: all of its tile, or its own")
     depth_start: Literal["nearest_sample", "near_plane"] = parameter(
         "nearest_sample", "where the slices of depth start", paper="near_plane")
-    casters: Literal["all", "back_faces", "auto"] = parameter(
-        "all", "triangles that cast: all, those facing away from the light, or the latter on closed bodies only")
-    group: Literal[1, 8, 16, 32, 64] = parameter(1, "frusta of a group that share the walk through the upper levels")
-    remove_unlit: bool = parameter(True, "leave samples that are no lit candidates out of the hierarchy")
-    skip_shadowed: bool = parameter(True, "stop at nodes and samples that are already in shadow")
 
 
 class _Hierarchy(NamedTuple):
-    """The hierarchy of a frame and what the traversal fills."""
+    """The hierarchy of a frame."""
 
     layout: KeyLayout
     clusters: cluster_hierarchy.Clusters
     nodes: cluster_hierarchy.Nodes
-    leaves: cluster_shadow.Leaves
+    largest_r: float
     tiles: cluster_hierarchy.TileSamples
+
+
+class _Filled(NamedTuple):
+    """What a traversal reads and fills besides."""
+
+    rules: Rules
+    leaves: cluster_shadow.Leaves
     shadow: cluster_shadow.Shadow
     counts: cluster_shadow.Counts | None
 
@@ -117,13 +112,12 @@ class _Work(NamedTuple):
     first: NDArray[np.int64]
 
 
-class Cluster(Algorithm):
+class Cluster(FrustumAlgorithm):
     """The view-sample cluster hierarchy. Exact on any triangle soup."""
 
     name = "cluster"
     title = "View-sample cluster hierarchy"
     paper = "Sintorn et al. 2014"
-    exact = True
     stages = ("hierarchy", "frustum_setup", "traversal", "merge")
     counters = ("node_tests", "sample_tests", "group_tests", "trivial_accepts", "trivial_rejects", "refinements",
                 "float64_sample_tests", "iterations", "occupied_nodes")
@@ -141,77 +135,59 @@ class Cluster(Algorithm):
             return (f"the full layout takes {size / 1e9:.0f} GB at {columns} x {rows} samples: use layout=compact")
         return None
 
-    def prepare(self, mesh: Mesh) -> NDArray[np.bool_] | None:
-        """Find the closed bodies, if the choice of casters depends on them."""
-        return closed_triangles(mesh.corners) if self.params.casters == "auto" else None
-
-    def casters(self, frame: Frame) -> NDArray[np.bool_] | None:
-        """Tell which triangles cast."""
-        if self.params.casters == "all":
-            return None
-        return select_casters(self.params.casters, _sides(frame), self._closed(frame))
-
     def shadows(self, frame: Frame, probe: Probe) -> ShadowBuffer:
         """Compute the shadow buffer of one frame."""
         samples, params = frame.samples, self.params
-        included = samples.candidate if params.remove_unlit else np.ones_like(samples.candidate)
         with probe.stage("hierarchy"):
-            tree = self._build(frame, included, probe.counting)
+            tree = self._build(frame)
         if tree is None:
             return ShadowBuffer(np.zeros(len(samples.depth), np.float32))
         with probe.stage("frustum_setup"):
-            sides = _sides(frame)
-            triangles = shadow_frustum.casting_triangles(sides, select_casters(params.casters, sides, self._closed(frame)))
-            reach = np.array([np.abs(tree.tiles.plane_x).max(), np.abs(tree.tiles.plane_y).max(),
-                              float(tree.clusters.r_high.max())])
-            view = shadow_frustum.View(*frame.camera[:4], frame.light.xyzw(), frame.bias, reach)
-            groups = None
-            if params.group > 1:
-                units, faces = group_triangles(frame.mesh.corners, triangles, view.light, params.group)
-                triangles, grouped = np.split(units.order, [units.n_single])
-                groups = make_groups(frame.mesh.corners, units, faces, view)
-            frusta = self._frusta(frame, sides, triangles, view)
-        rules = Rules(EYE_EDGES[params.culling_planes] > 0, "wedge" in params.culling_planes, params.skip_shadowed,
-                      params.leaf == "tile")
-        work = [self._walk_frusta(frame, tree, triangles, frusta, rules, probe)]
-        if groups is not None:
-            work.append(self._walk_groups(frame, tree, sides, grouped, groups, view, rules, probe))
+            casters = self.find_casters(frame, (np.abs(tree.tiles.plane_x).max(), np.abs(tree.tiles.plane_y).max(),
+                                                tree.largest_r))
+            frusta = self.frusta(frame, casters, casters.single)
+        with probe.stage("traversal"):
+            filled = self._empty(tree, probe.counting)
+        work = [self._walk_frusta(frame, tree, frusta, filled, probe)]
+        if casters.groups is not None:
+            work.append(self._walk_groups(frame, tree, casters, casters.groups, filled, probe))
         with probe.stage("merge"):
-            merged = cluster_shadow.merge_clusters(tree.nodes, tree.clusters, tree.tiles, tree.shadow)
+            merged = cluster_shadow.merge_clusters(tree.nodes, tree.clusters, tree.tiles, filled.shadow)
             if not params.remove_unlit:
                 merged[~samples.candidate] = 0.0
         self._record_memory(tree, probe)
-        if tree.counts is None:
+        if filled.counts is None:
             return ShadowBuffer(merged)
-        self._record_counts(frame, tree, work, probe)
+        self._record_counts(frame, tree, filled.counts, work, probe)
         return ShadowBuffer(merged, {"levels": cluster_counts.picture_levels(tree.nodes, tree.clusters, tree.tiles)})
 
-    def _walk_frusta(self, frame: Frame, tree: _Hierarchy, triangles: NDArray[np.int64],
-                     frusta: shadow_frustum.Frusta, rules: Rules, probe: Probe) -> _Work:
+    def _walk_frusta(self, frame: Frame, tree: _Hierarchy, frusta: Frusta, filled: _Filled, probe: Probe) -> _Work:
         """Walk frusta by themselves, in two passes (Sec. 2.2)."""
-        split = 1 if self.params.passes == "one" else min(self.params.split_level, len(tree.layout.level_bits))
+        split, n_frusta = 1, len(frusta.triangle)
+        if self.params.passes == "two":
+            split = min(self.params.split_level, len(tree.layout.level_bits))
         with probe.stage("traversal"):
-            jobs, first_pass = expand(len(triangles), tree.nodes, frusta, None, rules, split, tree.shadow, tree.counts)
-            second_pass = finish((tree.nodes, tree.leaves), tree.tiles, frusta, None, rules, jobs, frame.samples.depth,
-                                 tree.shadow, tree.counts)
-        return _Work(jobs, first_pass, second_pass, triangles, np.arange(len(triangles) + 1))
+            jobs, first_pass = expand(n_frusta, tree.nodes, frusta, None, filled.rules, split, filled.shadow, filled.counts)
+            second_pass = finish((tree.nodes, filled.leaves), tree.tiles, frusta, None, filled.rules, jobs,
+                                 frame.samples.depth, filled.shadow, filled.counts)
+        return _Work(jobs, first_pass, second_pass, frusta.triangle, np.arange(n_frusta + 1))
 
-    def _walk_groups(self, frame: Frame, tree: _Hierarchy, sides: NDArray[np.int8], triangles: NDArray[np.int64],
-                     groups: Groups, view: shadow_frustum.View, rules: Rules, probe: Probe) -> _Work:
+    def _walk_groups(self, frame: Frame, tree: _Hierarchy, casters: Casters, groups: Groups, filled: _Filled,
+                     probe: Probe) -> _Work:
         """Walk groups down to the parents of the clusters, and from there the members of those that get so far."""
-        first = groups.first - groups.first[0]
+        first = casters.first()
         with probe.stage("traversal"):
-            jobs, first_pass = expand(len(first) - 1, tree.nodes, None, groups, rules,
-                                      max(len(tree.layout.level_bits) - 1, 1), tree.shadow, tree.counts)
+            jobs, first_pass = expand(len(first) - 1, tree.nodes, None, groups, filled.rules,
+                                      max(len(tree.layout.level_bits) - 1, 1), filled.shadow, filled.counts)
         with probe.stage("frustum_setup"):
             members, groups = needed_members(groups, jobs.unit)
-            frusta = self._frusta(frame, sides, triangles[members], view)
+            frusta = self.frusta(frame, casters, casters.grouped[members])
         with probe.stage("traversal"):
-            second_pass = finish((tree.nodes, tree.leaves), tree.tiles, frusta, groups, rules, jobs, frame.samples.depth,
-                                 tree.shadow, tree.counts)
-        return _Work(jobs, first_pass, second_pass, triangles, first)
+            second_pass = finish((tree.nodes, filled.leaves), tree.tiles, frusta, groups, filled.rules, jobs,
+                                 frame.samples.depth, filled.shadow, filled.counts)
+        return _Work(jobs, first_pass, second_pass, casters.grouped, first)
 
-    def _build(self, frame: Frame, included: NDArray[np.bool_], counting: bool) -> _Hierarchy | None:
+    def _build(self, frame: Frame) -> _Hierarchy | None:
         """Build the hierarchy; None if no sample is included."""
         samples, params = frame.samples, self.params
         layout = key_layout(samples.columns, samples.rows)
@@ -220,19 +196,19 @@ class Cluster(Algorithm):
                                                np.ascontiguousarray(samples.plane_y[:: samples.columns]))
         slices = make_slices(start if start < np.inf else frame.camera.near, frame.camera.tan_y, tiles.rows,
                              1 << int(layout.axis_shift[0, 2]))
-        clusters, nodes = cluster_hierarchy.build_cluster_tree(
-            tiles, samples.depth, included, layout, slices, params.bounds == "explicit", params.layout == "full")
+        clusters, nodes, largest_r = cluster_hierarchy.build_cluster_tree(
+            tiles, samples.depth, self.included(frame), layout, slices, params.bounds == "explicit", params.layout == "full")
         if nodes is None:
             return None
-        shadow = cluster_shadow.empty_shadow(nodes, clusters, tiles.columns * tiles.rows, params.leaf == "tile")
-        return _Hierarchy(layout, clusters, nodes, cluster_shadow.make_leaves(clusters, tiles), tiles, shadow,
-                          cluster_shadow.empty_counts(nodes) if counting else None)
+        return _Hierarchy(layout, clusters, nodes, largest_r, tiles)
 
-    def _frusta(self, frame: Frame, sides: NDArray[np.int8], triangles: NDArray[np.int64],
-                view: shadow_frustum.View) -> shadow_frustum.Frusta:
-        """Set up the frusta of some triangles."""
-        planes = self.params.culling_planes
-        return shadow_frustum.make_frusta(frame.mesh.corners, sides, triangles, view, EYE_EDGES[planes], "wedge" in planes)
+    def _empty(self, tree: _Hierarchy, counting: bool) -> _Filled:
+        """Allocate the shadow buffer, and counts if they are asked for."""
+        planes, whole = self.params.culling_planes, self.params.leaf == "tile"
+        shadow = cluster_shadow.empty_shadow(tree.nodes, tree.clusters, tree.tiles.columns * tree.tiles.rows, whole)
+        return _Filled(Rules(EYE_EDGES[planes] > 0, "wedge" in planes, self.params.skip_shadowed, whole),
+                       cluster_shadow.make_leaves(tree.clusters), shadow,
+                       cluster_shadow.empty_counts(tree.nodes) if counting else None)
 
     def _record_memory(self, tree: _Hierarchy, probe: Probe) -> None:
         """Record what the layout holds, and what both layouts take by the paper's model (Sec. 3)."""
@@ -245,10 +221,10 @@ class Cluster(Algorithm):
             probe.memory("modelled_full", n_full * BOX_BYTES)
             probe.memory("modelled_compact", n_full * POINTER_BYTES + n_occupied * BOX_BYTES)
 
-    def _record_counts(self, frame: Frame, tree: _Hierarchy, work: list[_Work], probe: Probe) -> None:
+    def _record_counts(self, frame: Frame, tree: _Hierarchy, counts: cluster_shadow.Counts, work: list[_Work],
+                       probe: Probe) -> None:
         """Report totals, levels, triangles, jobs and the heat map from the kernels' counts."""
-        nodes, counts, whole = tree.nodes, tree.counts, self.params.leaf == "tile"
-        assert counts is not None
+        nodes, whole = tree.nodes, self.params.leaf == "tile"
         n_inner, first = len(nodes.first_child), nodes.first[:-2]
         for name, values in (("node_tests", counts.tests), ("group_tests", counts.group_tests),
                              ("trivial_accepts", counts.accepts), ("trivial_rejects", counts.rejects),
@@ -262,25 +238,12 @@ class Cluster(Algorithm):
         per_triangle, iterations = np.zeros(frame.mesh.n_triangles, np.int64), []
         for jobs, (visits, tests), (job_visits, job_tests), triangles, units in work:
             n_units = len(units) - 1
-            cluster_counts.add_to_triangles(per_triangle, triangles, units,
-                                            tests + cluster_counts.sum_by_unit(jobs.unit, job_tests, n_units))
+            add_to_triangles(per_triangle, triangles, units,
+                                            tests + sum_by_unit(jobs.unit, job_tests, n_units))
             # Sec. 2.2: with one pass a job is a triangle, with two also a triangle and a node of the split level
             if self.params.passes == "one":
-                iterations.append(visits + cluster_counts.sum_by_unit(jobs.unit, job_visits, n_units))
+                iterations.append(visits + sum_by_unit(jobs.unit, job_visits, n_units))
             else:
                 iterations += [visits, job_visits]
         probe.count_triangles("test_and_set", per_triangle)
         probe.list_largest("iterations", np.concatenate(iterations))
-
-    def _closed(self, frame: Frame) -> Any:
-        """What `prepare` found, computed here if the frame does not bring it."""
-        if self.params.casters == "auto" and frame.prepared is None:
-            return self.prepare(frame.mesh)
-        return frame.prepared
-
-
-def _sides(frame: Frame) -> NDArray[np.int8]:
-    """Which side of each triangle the light sees, int8 (n_triangles,)."""
-    sides = np.empty(frame.mesh.n_triangles, np.int8)
-    shadow_frustum.find_facing(frame.mesh.corners, frame.light.xyzw(), sides)
-    return sides

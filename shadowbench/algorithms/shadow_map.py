@@ -34,11 +34,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import field_validator
 
-from shadowbench.algorithms.base import Algorithm, AlgorithmParams, Frame, Mesh, Probe, ShadowBuffer, parameter
+from shadowbench.algorithms.base import Algorithm, AlgorithmParams, Frame, Probe, ShadowBuffer, parameter
 from shadowbench.jit import kernel, parallel_kernel, prange
-from shadowbench.kernels.light_maps import LightMaps, along, fit_light_maps, locate, map_view, texel
+from shadowbench.kernels.depth_maps import nearest_own_depth, render_depth
+from shadowbench.kernels.light_maps import fit_light_maps, locate, texel
 from shadowbench.kernels.projection import N_WORKERS, FloatArray, chunk
-from shadowbench.kernels.rasterizer import Target, empty_counts, rasterize
 
 
 class Params(AlgorithmParams):
@@ -103,47 +103,20 @@ class ShadowMap(Algorithm):
             maps = fit_light_maps(frame.light.xyzw(), samples.position, samples.candidate, self.params.projection,
                                   self.params.resolution, radius + 1)
         with probe.stage("map"):
-            depth = _render_depth(maps, frame.mesh, probe)
+            rendered = render_depth(maps, frame.mesh.vertices, frame.mesh.triangles, counting=probe.counting)
         with probe.stage("lookup"):
             look_up = _Filter(radius, self.params.bias * frame.bias, self.params.slope_bias * (radius + 0.5))
             found = _Samples(samples.position, samples.normal, samples.candidate,
                              np.zeros(len(samples.candidate), np.float32))
             counts = _ReadCounts(np.zeros(len(samples.candidate), np.int64)) if probe.counting else None
-            _look_up_all(maps, depth, look_up, found, counts)
+            _look_up_all(maps, rendered.depth, look_up, found, counts)
+        probe.memory("maps", rendered.n_bytes)
         if counts is not None:
+            probe.count("map_fragments", rendered.n_fragments)
+            probe.count("map_texels_written", rendered.n_written)
             probe.count("map_texels_read", counts.texels_read.sum())
             probe.count_samples(counts.texels_read)
         return ShadowBuffer(found.shadow)
-
-
-def _render_depth(maps: LightMaps, mesh: Mesh, probe: Probe) -> FloatArray:
-    """Rasterise the scene into every map: nearest depth per texel, float64 (n_layers, side, side)."""
-    depth = np.full((maps.n_layers, maps.side, maps.side), np.inf)
-    triangle = np.full((maps.side, maps.side), -1, np.int32)      # needed by the rasteriser, not by this method
-    for face in np.flatnonzero(maps.layer >= 0):
-        view = map_view(maps, int(face))
-        counts = empty_counts(view) if probe.counting else None
-        rasterize(view, mesh.vertices, mesh.triangles, Target(depth[maps.layer[face]], triangle), counts)
-        if counts is not None:
-            probe.count("map_fragments", counts.fragments.sum(dtype=np.int64))
-            probe.count("map_texels_written", counts.written.sum(dtype=np.int64))
-    probe.memory("maps", depth.nbytes + triangle.nbytes)
-    return depth
-
-
-@kernel
-def _nearest_own_depth(axes, face, perspective, u, v, depth, n, step):
-    """Smallest depth that a sample's own plane has on rays up to `step` away in u and in v on the map plane.
-
-    The plane through the sample with normal n has the depth ``depth (n . ray) / (n . other ray)`` on another ray of
-    a perspective map.
-    """
-    along_right, along_up = along(axes, face, 0, n[0], n[1], n[2]), along(axes, face, 1, n[0], n[1], n[2])
-    facing = along(axes, face, 2, n[0], n[1], n[2])
-    if perspective:
-        facing += u * along_right + v * along_up
-    change = step * (abs(along_right) + abs(along_up)) / abs(facing)
-    return depth / (1.0 + change) if perspective else depth - change
 
 
 @kernel
@@ -160,7 +133,7 @@ def _look_up_chunk(worker, maps, map_depth, look_up, samples, counts):
                                        position[i, 1] - eye[1], position[i, 2] - eye[2])
             n = (normal[i, 0], normal[i, 1], normal[i, 2])
             step = look_up.reach * 2.0 * half[face] / resolution
-            limit = _nearest_own_depth(axes, face, perspective, u, v, depth, n, step) - look_up.bias
+            limit = nearest_own_depth(axes, face, perspective, u, v, depth, n, step, step) - look_up.bias
             row, column = texel(u, v, half[face], resolution, maps.border)
             # Count the texels around the sample that something nearer fills
             n_nearer = 0

@@ -1,4 +1,4 @@
-"""Attribution of what the cluster traversal counted: to samples, triangles, jobs; and the cluster of each sample."""
+"""Attribution of what the cluster traversal counted to samples, and the picture of the tree."""
 
 import numpy as np
 
@@ -22,8 +22,7 @@ def samples_of_clusters(clusters, samples):
     """
     bits = np.unpackbits(clusters.samples.astype("<u8").view(np.uint8).reshape(-1, 8), axis=1, bitorder="little")
     cluster, lane = np.nonzero(bits)
-    row = clusters.tile[cluster] // samples.columns * TILE + lane // TILE
-    column = clusters.tile[cluster] % samples.columns * TILE + lane % TILE
+    row, column = clusters.row[cluster] * TILE + lane // TILE, clusters.column[cluster] * TILE + lane % TILE
     return cluster, row * len(samples.plane_x) + column
 
 
@@ -54,28 +53,6 @@ def tests_per_sample(nodes, clusters, samples, counts, whole_tiles):
         covered = np.bincount(row)[row][:, None] * np.bincount(column)[column]
         per_sample += (per_tile[row[:, None] * samples.columns + column] / covered).reshape(-1)
     return np.rint(per_sample).astype(np.int64)
-
-
-def add_to_triangles(per_triangle, triangles, first, tests):
-    """Add the tests of units to their triangles: those of a group are dealt out evenly, the rest to the first members.
-
-    Parameters
-    ----------
-    per_triangle : int64 (n_triangles,), added to.
-    triangles : int64 (n_frusta,), of the frusta; first : int64 (n_units + 1,), the frusta of each unit.
-    tests : int64 (n_units,).
-    """
-    lengths = np.diff(first)
-    member = np.arange(len(triangles)) - np.repeat(first[:-1], lengths)
-    each, rest = np.divmod(tests, np.maximum(lengths, 1))
-    np.add.at(per_triangle, triangles, np.repeat(each, lengths) + (member < np.repeat(rest, lengths)))
-
-
-def sum_by_unit(unit, values, n_units):
-    """Sum values of jobs by unit: int64 (n_units,)."""
-    sums = np.zeros(n_units, np.int64)
-    np.add.at(sums, unit, values)
-    return sums
 
 
 def picture_levels(nodes, clusters, samples, n_shown=4):

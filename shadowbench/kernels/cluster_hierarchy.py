@@ -14,16 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from shadowbench.jit import kernel, parallel_kernel, prange
-from shadowbench.kernels.cluster_bounds import (
-    Bounds,
-    bound_clusters,
-    implicit_bounds,
-    join_bounds,
-    write_boxes,
-)
+from shadowbench.kernels.cluster_bounds import box_clusters, implicit_boxes, join_boxes
 from shadowbench.kernels.cluster_keys import TILE, TILE_SAMPLES
 from shadowbench.kernels.lanes import LANES, lowest_bit
-from shadowbench.kernels.row_lanes import row_between, row_bounds, row_mask, store_reciprocals
+from shadowbench.kernels.row_lanes import row_between, row_mask, store_reciprocals
 
 N_WORKERS = 32
 """Bands that the rows of tiles are cut into."""
@@ -60,10 +54,8 @@ class _Found(NamedTuple):
     """Clusters as they are found, one stretch of the arrays per band of tile rows."""
 
     key: np.ndarray
-    place: np.ndarray       # slice and tile, packed
+    place: np.ndarray       # slice, row and column of the tile, packed
     mask: np.ndarray
-    r_low: np.ndarray       # smallest and largest 1 / depth
-    r_high: np.ndarray
     count: np.ndarray       # clusters per band
     start: np.ndarray       # where each band's stretch begins, and where the last one ends
 
@@ -99,17 +91,17 @@ class Clusters(NamedTuple):
 
     Attributes
     ----------
-    key : uint64 (n_clusters,); slice : int64 (n_clusters,), z'; tile : int32 (n_clusters,), row by row.
+    key : uint64 (n_clusters,); slice, row, column : int32 (n_clusters,), z', y' and x'.
+    tile : int32 (n_clusters,), number of its tile, row by row.
     samples : uint64 (n_clusters,), the bits of its samples in the tile.
-    r_low, r_high : float32 (n_clusters,), smallest and largest 1 / depth.
     """
 
     key: np.ndarray
     slice: np.ndarray
+    row: np.ndarray
+    column: np.ndarray
     tile: np.ndarray
     samples: np.ndarray
-    r_low: np.ndarray
-    r_high: np.ndarray
 
 
 def tile_samples(plane_x, plane_y):
@@ -131,7 +123,6 @@ def _find_in_band(worker, samples, depth, bits, included, layout, slices, found)
     tile_r, starts, guide = samples.r, slices.start, slices.guide
     shift, first_range, last_range = slices.shift, slices.first, len(slices.guide) - 1
     keys, places, masks = found.key, found.place, found.mask
-    lows, highs = found.r_low, found.r_high
     slot_of_slice = np.full(len(starts) - 1, -1, np.int64)
     n, end = found.start[worker], found.start[worker + 1]
     for tile_row in range(samples.rows * worker // N_WORKERS, samples.rows * (worker + 1) // N_WORKERS):
@@ -153,7 +144,6 @@ def _find_in_band(worker, samples, depth, bits, included, layout, slices, found)
                     z += depth[first] >= starts[z + 1]
                     # Take all samples of the row that lie in it
                     taken = waiting & row_between(depth, sample, starts[z] if z > 0 else 0.0, starts[z + 1])
-                    low, high = row_bounds(tile_r, place, taken)
                     waiting ^= taken
                     # The cluster last noted for the slice, if it is of this tile
                     slot = slot_of_slice[z]
@@ -164,13 +154,10 @@ def _find_in_band(worker, samples, depth, bits, included, layout, slices, found)
                         slot = n
                         slot_of_slice[z] = slot
                         keys[slot] = layout.key_x[tile_column] | layout.key_y[tile_row] | layout.key_z[z]
-                        places[slot] = (np.int64(z) << 32) + tile
+                        places[slot] = ((np.int64(z) << 16) + tile_row << 16) + tile_column
                         masks[slot] = 0
-                        lows[slot], highs[slot] = low, high
                         n += 1
                     masks[slot] |= taken << np.uint64(iy * TILE)
-                    lows[slot] = low if low < lows[slot] else lows[slot]
-                    highs[slot] = high if high > highs[slot] else highs[slot]
     found.count[worker] = n - found.start[worker]
 
 
@@ -192,16 +179,51 @@ def find_clusters(samples, depth, included, layout, slices):
         start = samples.rows * np.arange(N_WORKERS + 1) // N_WORKERS * samples.columns * room
         n = int(start[-1])
         found = _Found(np.empty(n, np.uint64), np.empty(n, np.int64), np.empty(n, np.uint64),
-                       np.empty(n, np.float32), np.empty(n, np.float32), np.zeros(N_WORKERS, np.int64), start)
+                       np.zeros(N_WORKERS, np.int64), start)
         _find(samples, depth, depth.view(np.int64), included, layout, slices, found)
         if found.count.min() >= 0:
             break
-    slots = np.concatenate([np.arange(s, s + n) for s, n in zip(start[:-1], found.count, strict=True)])
-    order = np.sort((found.key[slots] << _INDEX_BITS) | slots.astype(np.uint64))
-    slots = (order & np.uint64(0xFFFFFFFF)).astype(np.int64)
-    place = found.place[slots]
-    return Clusters(order >> _INDEX_BITS, place >> 32, (place & 0xFFFFFFFF).astype(np.int32), found.mask[slots],
-                    found.r_low[slots], found.r_high[slots])
+    n = int(found.count.sum())
+    order = np.empty(n, np.uint64)
+    _pack(found, order)
+    order.sort()
+    clusters = Clusters(np.empty(n, np.uint64), *(np.empty(n, np.int32) for _ in range(4)), np.empty(n, np.uint64))
+    _unpack(found, order, samples.columns, clusters)
+    return clusters
+
+
+@kernel
+def _pack(found, order):
+    """Write each cluster's key and place in one number, by which the clusters are sorted."""
+    n = 0
+    for worker in range(N_WORKERS):
+        for slot in range(found.start[worker], found.start[worker] + found.count[worker]):
+            order[n] = found.key[slot] << _INDEX_BITS | np.uint64(slot)
+            n += 1
+
+
+@kernel
+def _unpack(found, order, n_columns, clusters):
+    """Write the clusters in the order of their keys."""
+    for i in range(len(order)):
+        slot = np.int64(order[i] & np.uint64(0xFFFFFFFF))
+        place = found.place[slot]
+        row, column = place >> 16 & 0xFFFF, place & 0xFFFF
+        clusters.key[i], clusters.slice[i] = order[i] >> _INDEX_BITS, place >> 32
+        clusters.row[i], clusters.column[i], clusters.tile[i] = row, column, row * n_columns + column
+        clusters.samples[i] = found.mask[slot]
+
+
+@kernel
+def _count_nodes(keys, shift, n_nodes):
+    """Count the different prefixes of the sorted keys on every level."""
+    for level in range(len(n_nodes)):
+        n_nodes[level] = 1
+    for i in range(1, len(keys)):
+        level = len(n_nodes) - 1
+        while level >= 0 and keys[i] >> np.uint64(shift[level]) != keys[i - 1] >> np.uint64(shift[level]):
+            n_nodes[level] += 1
+            level -= 1
 
 
 @kernel
@@ -271,14 +293,14 @@ def build_cluster_tree(samples, depth, included, layout, slices, explicit, full)
 
     Returns
     -------
-    Clusters and nodes. If no sample is included, both are empty.
+    Clusters, nodes, and the largest 1 / depth of a sample. If no sample is included, there are no nodes.
     """
     clusters = find_clusters(samples, depth, included, layout, slices)
     n_clusters = len(clusters.key)
     if n_clusters == 0:
-        return clusters, None
-    # Count the different prefixes of the keys on every level
-    n_nodes = [1 + int(np.count_nonzero(np.diff(clusters.key >> np.uint64(shift)))) for shift in layout.shift[:-1]]
+        return clusters, None, 0.0
+    n_nodes = np.zeros(len(layout.level_bits), np.int64)
+    _count_nodes(clusters.key, layout.shift, n_nodes)
     first = np.concatenate([[0], np.cumsum(n_nodes)])
     n_inner, n_all = int(first[-1]), int(first[-1]) + n_clusters
     empty = np.empty(0, np.float32)
@@ -287,11 +309,10 @@ def build_cluster_tree(samples, depth, included, layout, slices, explicit, full)
                   np.empty(n_inner, np.int8), empty, empty, empty)
     first_cluster, size = _place_nodes(nodes, layout, clusters, full)
     nodes = nodes._replace(x=np.zeros(size, np.float32), y=np.zeros(size, np.float32), r=np.zeros(size, np.float32))
-    bounds = Bounds(np.empty((n_all, 3), np.float32), np.empty((n_all, 3), np.float32))
     if explicit:
-        bound_clusters(clusters, samples, bounds, n_inner)
-        join_bounds(nodes, bounds)
+        box_clusters(nodes, clusters, samples)
+        largest_r = join_boxes(nodes)
     else:
-        implicit_bounds(nodes, clusters, first_cluster, samples, layout, slices, bounds)
-    write_boxes(nodes, bounds)
-    return clusters, nodes
+        largest_r = samples.r.max()
+        implicit_boxes(nodes, clusters, first_cluster, samples, layout, slices, largest_r)
+    return clusters, nodes, float(largest_r)

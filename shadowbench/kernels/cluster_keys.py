@@ -6,6 +6,7 @@ that z' has more than the others end up on top. Five bits at a time the key is t
 samples 7 + 7 + 9 bits, hence a root with 8 children (depth slices) and four levels of 32.
 """
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -67,8 +68,9 @@ class Slices(NamedTuple):
     first: int
 
 
+@functools.lru_cache(maxsize=8)
 def key_layout(n_columns, n_rows):
-    """Lay out the keys for a grid of samples.
+    """Lay out the keys for a grid of samples. The same arrays for the same grid: do not write to them.
 
     Raises
     ------

@@ -69,11 +69,10 @@ class Counts(NamedTuple):
     job_tests: np.ndarray
 
 
-def make_leaves(clusters, samples):
+def make_leaves(clusters):
     """Find what the sample tests read."""
-    row, column = np.divmod(clusters.tile, np.int32(samples.columns))
-    return Leaves(column * np.int32(TILE), row * np.int32(TILE_SAMPLES), clusters.tile * np.int32(TILE_SAMPLES),
-                  clusters.samples)
+    return Leaves(clusters.column * np.int32(TILE), clusters.row * np.int32(TILE_SAMPLES),
+                  clusters.tile * np.int32(TILE_SAMPLES), clusters.samples)
 
 
 def empty_shadow(nodes, clusters, n_tiles, whole_tiles):

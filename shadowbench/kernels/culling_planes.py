@@ -21,7 +21,7 @@ import numpy as np
 
 from shadowbench.jit import kernel
 from shadowbench.kernels.lanes import A_WEIGHT, B_WEIGHT, C_WEIGHT, D_WEIGHT
-from shadowbench.kernels.vectors import add, cross, dot, minus, scaled
+from shadowbench.kernels.vectors import add, dot, minus, scaled
 
 UNUSED = (0.0, 0.0, 0.0, -1.0)
 """A row that no point is outside of."""
@@ -97,26 +97,6 @@ def tolerance_growth(largest_v, largest_e, height, space):
 def _limit(m, weight, growth):
     """Largest m . u that a culling plane may show for a unit vector u, less float64's rounding (m of any length)."""
     return SLACK * weight / growth - ROUNDING * (abs(m[0]) + abs(m[1]) + abs(m[2]))
-
-
-@kernel
-def eye_plane(g, h, generators, growth, space):
-    """Row of the plane through the eye and two directions; `UNUSED` if it does not bound the frustum.
-
-    Parameters
-    ----------
-    generators : unit vectors from the eye whose cone encloses the frustum: its vertices and the light's rays there.
-    """
-    m = cross(g, h)
-    low = high = 0.0
-    for i in range(len(generators)):
-        value = dot(m, generators[i])
-        low, high = min(low, value), max(high, value)
-    row, weight = row_in_proj(m, 0.0, space)
-    limit = _limit(m, weight, growth)
-    if (high > limit and low < -limit) or not weight > 0.0:
-        return UNUSED
-    return _culling_plane(row, (1.0 if high <= limit else -1.0) / weight)
 
 
 @kernel

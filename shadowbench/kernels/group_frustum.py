@@ -7,7 +7,7 @@ planes, a cap plane, and the planes through the eye that bound its outline.
 be the largest 1 / depth of a sample, l the longest ray at depth 1, and D the light's distance from the eye (for a
 directional light, how far vertices and eye are from the origin). A rounded row's value at a sample, over its depth, is then
 wrong by at most ``ROUNDING (D R + l)`` times the length of the normal. Rows are moved outwards by `SLACK`, and a row that
-this does not cover is left out. The planes through the eye have that from `culling_planes.eye_plane`.
+this does not cover is left out. The planes through the eye have that from `eye_planes`.
 """
 
 from typing import NamedTuple
@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shadowbench.jit import kernel, parallel_kernel, prange
-from shadowbench.kernels.culling_planes import SLACK, UNUSED, Space, eye_plane, row_in_proj, tolerance_growth
+from shadowbench.kernels.culling_planes import SLACK, UNUSED, Space, row_in_proj, tolerance_growth
+from shadowbench.kernels.eye_planes import store_eye_planes
 from shadowbench.kernels.frustum_groups import light_coordinates
 from shadowbench.kernels.lanes import N_EYE_PLANES, N_GROUP_PLANES
 from shadowbench.kernels.vectors import add, corner, dot, item, minus, scaled, store_row, vector
@@ -30,6 +31,14 @@ GROUP_ROW_SIZE = 4 * N_GROUP_ROWS
 
 N_WORKERS = 64
 """Parts that the groups are cut into."""
+
+GROUP_EDGES = np.array([[0, 4, 3, 0], [1, 5, 0, 1], [2, 6, 1, 2], [3, 7, 2, 3],
+                        [0, 8, 0, 4], [1, 9, 1, 4], [2, 8, 2, 4], [3, 9, 3, 4],
+                        [4, 8, 0, 5], [5, 9, 1, 5], [6, 8, 2, 5], [7, 9, 3, 5]])
+"""Edges of a bounding frustum, as `culling_planes.EDGES`: rays of light, edges of the cap, and their likes at infinity.
+
+Directions 0 to 3 are the vertices, 4 to 7 the rays there, 8 and 9 the axes of the rectangle. Faces 0 to 3 are the sides,
+4 is the cap, 5 the face at infinity."""
 
 ROUNDING = 2.0**-48
 """Bounds the relative float64 error of a row: a quotient, six products and sums, and the axes' own rounding; 16 times."""
@@ -72,7 +81,8 @@ def _group_part(corners, units, faces, view, groups, worker):
     order, first, face, rows = units.order, units.first, units.face, groups.rows
     axes_u, axes_v, axes_w, n = faces.u, faces.v, faces.w, len(units.face)
     longest_ray = np.sqrt(1.0 + space.reach[0] * space.reach[0] + space.reach[1] * space.reach[1])
-    directions, rays = np.empty((4, 3)), np.empty((4, 3))
+    directions = np.zeros((10, 3))
+    starts, alongs = np.zeros(len(GROUP_EDGES) + 1, np.int64), np.zeros(len(GROUP_EDGES) + 1, np.int64)
     for g in range(n * worker // N_WORKERS, n * (worker + 1) // N_WORKERS):
         u, v, w = item(axes_u, face[g]), item(axes_v, face[g]), item(axes_w, face[g])
         # Enclose all vertices
@@ -101,9 +111,7 @@ def _group_part(corners, units, faces, view, groups, worker):
         place = g * N_GROUP_ROWS
         for row, plane in enumerate(((m0, c0), (m1, c1), (m2, c2), (m3, c3), (scaled(w, -1.0), height))):
             store_row(rows, place + row, _row(plane[0], plane[1], error, space))
-        for row in range(GROUP_EYE_ROW, N_GROUP_ROWS):
-            store_row(rows, place + row, UNUSED)
-        # Outline: vertices of the cap and rays of light, seen from the eye
+        # Outline: vertices of the cap and rays of light, seen from the eye, and the directions of the cap's edges
         largest_v = largest_e = 0.0
         for i in range(4):
             across = add(scaled(u, u0 if i == 0 or i == 3 else u1), scaled(v, v0 if i < 2 else v1))
@@ -113,22 +121,18 @@ def _group_part(corners, units, faces, view, groups, worker):
             direction, reach = _unit(ray)
             largest_v, largest_e = max(largest_v, length), max(largest_e, w0 * reach)
             store_row(directions, i, vertex)
-            store_row(rays, i, direction)
+            store_row(directions, 4 + i, direction)
+        store_row(directions, 8, u)
+        store_row(directions, 9, v)
         growth = tolerance_growth(largest_v, largest_e, w0, space)
-        generators = (item(directions, 0), item(directions, 1), item(directions, 2), item(directions, 3),
-                      item(rays, 0), item(rays, 1), item(rays, 2), item(rays, 3))
-        outside = np.int64(c0 > 0.0) | np.int64(c1 > 0.0) << 1 | np.int64(c2 > 0.0) << 2 | np.int64(c3 > 0.0) << 3
-        row = place + GROUP_EYE_ROW
-        for kind in range(3):
-            for i in range(4):
-                # The edge's other face: the side before, the cap, or the face at infinity, which the eye is inside of
-                here = outside >> i & 1
-                other = (outside >> (i + 3) % 4 & 1) if kind == 0 else (np.int64(height > 0.0) if kind == 1 else 0)
-                if here != other and row < place + N_GROUP_ROWS:
-                    along = item(rays, i) if kind == 0 else (u if i % 2 == 0 else v)
-                    start = item(directions, i) if kind < 2 else item(rays, i)
-                    store_row(rows, row, eye_plane(start, along, generators, growth, space))
-                    row += 1
+        outside = (np.int64(c0 > 0.0) | np.int64(c1 > 0.0) << 1 | np.int64(c2 > 0.0) << 2 | np.int64(c3 > 0.0) << 3
+                   | np.int64(height > 0.0) << 4)
+        n_chosen = 0
+        for edge in range(len(GROUP_EDGES)):
+            starts[n_chosen], alongs[n_chosen] = GROUP_EDGES[edge, 0], GROUP_EDGES[edge, 1]
+            n_chosen += (outside >> GROUP_EDGES[edge, 2] ^ outside >> GROUP_EDGES[edge, 3]) & 1
+        store_eye_planes(rows, place + GROUP_EYE_ROW, directions, starts, alongs, n_chosen, 8, growth,
+                         (space.right, space.up, space.forward), space.reach)
 
 
 @parallel_kernel

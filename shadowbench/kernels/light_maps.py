@@ -193,6 +193,21 @@ def texel(u, v, half, resolution, border):
 
 
 @kernel
+def cell(u, v, half, resolution, border):
+    """Find the four texel centres around a point of the map plane.
+
+    Returns
+    -------
+    row, column : of the upper left one.
+    y, x : the point from there, 0 to 1 downwards and to the right. From 0.5 on, `texel` is the next row or column.
+    """
+    middle = 0.5 * resolution + border
+    y, x = middle - v / half * (0.5 * resolution) - 0.5, middle + u / half * (0.5 * resolution) - 0.5
+    row, column = int(np.floor(y)), int(np.floor(x))
+    return row, column, y - row, x - column
+
+
+@kernel
 def _sum_chunk(worker, eye, position, candidate, sums):
     """Add up the unit directions of one worker's candidates, in order, and find the nearest (largest component)."""
     first, end = chunk(worker, len(candidate))

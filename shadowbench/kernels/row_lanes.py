@@ -1,10 +1,10 @@
-"""Rows of eight samples as LLVM vectors: masks of those included or in a range of depth, their 1 / depth and bounds.
+"""Rows of eight samples as LLVM vectors: masks of those included or in a range of depth, their 1 / depth; bounds of tiles.
 
 As in `shadowbench.kernels.lanes` only single IEEE operations and comparisons are used, the same bits on every machine.
 """
 
 from llvmlite import ir
-from numba.core import types
+from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from shadowbench.kernels.lanes import LANES
@@ -78,18 +78,37 @@ def store_reciprocals(typing_context, depth, first, mask, r, place):
 
 
 @intrinsic
-def row_bounds(typing_context, values, first, mask):
-    """Smallest and largest of those among eight float32 values that a mask, which is not zero, has."""
+def masked_bounds(typing_context, values, first, mask, n_chunks):
+    """Smallest and largest of those among some chunks of eight float32 values that a mask, which is not zero, has."""
     def codegen(context, builder, signature, args):
-        row = _load(builder, _pointer(context, builder, signature.args[0], args[0], args[1], _FLOAT), 4)
-        flags, results = _flags(builder, args[2]), []
-        for comparison, neutral in (("<", float("inf")), (">", float("-inf"))):
-            best = builder.select(flags, row, ir.Constant(row.type, [neutral] * LANES))
-            for step in (4, 2, 1):
-                turned = ir.Constant(ir.VectorType(_INT32, LANES), [(i + step) % LANES for i in range(LANES)])
-                other = builder.shuffle_vector(best, best, turned)
-                best = builder.select(builder.fcmp_ordered(comparison, other, best), other, best)
-            results.append(builder.extract_element(best, ir.Constant(_INT32, 0)))
-        return context.make_tuple(builder, signature.return_type, results)
+        values, first, mask, n_chunks = args
+        limits = [ir.Constant(ir.VectorType(_FLOAT, LANES), [limit] * LANES) for limit in (float("inf"), float("-inf"))]
+        comparisons, places = ("<", ">"), [cgutils.alloca_once_value(builder, limit) for limit in limits]
+        with cgutils.for_range(builder, n_chunks, intp=_INT64) as loop:
+            offset = builder.mul(loop.index, ir.Constant(_INT64, LANES))
+            pointer = _pointer(context, builder, signature.args[0], values, builder.add(first, offset), _FLOAT)
+            here, flags = _load(builder, pointer, 4), _flags(builder, builder.lshr(mask, offset))
+            for i, comparison in enumerate(comparisons):
+                chosen, so_far = builder.select(flags, here, limits[i]), builder.load(places[i])
+                better = builder.fcmp_ordered(comparison, chosen, so_far)
+                builder.store(builder.select(better, chosen, so_far), places[i])
+        best = [builder.load(place) for place in places]
+        for step in (4, 2, 1):
+            turned = ir.Constant(ir.VectorType(_INT32, LANES), [(i + step) % LANES for i in range(LANES)])
+            for i, comparison in enumerate(comparisons):
+                other = builder.shuffle_vector(best[i], best[i], turned)
+                best[i] = builder.select(builder.fcmp_ordered(comparison, other, best[i]), other, best[i])
+        return context.make_tuple(builder, signature.return_type,
+                                  [builder.extract_element(vector, ir.Constant(_INT32, 0)) for vector in best])
 
-    return types.UniTuple(types.float32, 2)(values, types.int64, types.uint64), codegen
+    return types.UniTuple(types.float32, 2)(values, types.int64, types.uint64, types.int64), codegen
+
+
+@intrinsic
+def highest_bit(typing_context, mask):
+    """Index of the highest bit set in a mask that is not zero."""
+    def codegen(context, builder, signature, args):
+        zeros = builder.ctlz(args[0], ir.Constant(ir.IntType(1), 1))
+        return builder.sub(ir.Constant(_INT64, 63), zeros)
+
+    return types.int64(types.uint64), codegen

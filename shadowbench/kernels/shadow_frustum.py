@@ -23,13 +23,12 @@ from shadowbench.kernels.culling_planes import (
     OUTLINE_EDGES,
     UNUSED,
     Space,
-    eye_plane,
     row_in_proj,
     tolerance_growth,
     wedge_plane,
 )
-from shadowbench.kernels.lanes import N_EYE_PLANES
-from shadowbench.kernels.vectors import corner, cross, dot, item, minus, scaled, store_row, vector
+from shadowbench.kernels.eye_planes import store_eye_planes
+from shadowbench.kernels.vectors import corner, cross, dot, minus, scaled, store_row, vector
 
 CAP_ROW, WEDGE_ROW, EYE_ROW, N_ROWS = 3, 4, 7, 13
 """First row of each kind of plane, and the number of rows."""
@@ -172,7 +171,8 @@ def _frusta_part(corners, sides, view, eye_edges, wedge_planes, frusta, worker):
     n, light, triangles, rows, exact_rows = len(frusta.triangle), view.light, frusta.triangle, frusta.rows, frusta.exact_rows
     space = Space(vector(view.eye), vector(view.right), vector(view.up), vector(view.forward),
                   (light[0], light[1], light[2], light[3]), view.bias, vector(view.reach))
-    directions, chosen = np.empty((9, 3)), np.empty(OUTLINE_EDGES + 1, np.int64)
+    directions = np.zeros((9, 3))
+    starts, alongs = np.zeros(OUTLINE_EDGES + 1, np.int64), np.zeros(OUTLINE_EDGES + 1, np.int64)
     for k in range(n * worker // N_WORKERS, n * (worker + 1) // N_WORKERS):
         t, first = triangles[k], k * N_ROWS
         side, p, q, s = sides[t], corner(corners, t, 0), corner(corners, t, 1), corner(corners, t, 2)
@@ -205,21 +205,18 @@ def _frusta_part(corners, sides, view, eye_edges, wedge_planes, frusta, worker):
                                                                    vertices, largest_v, growth, space))
         if eye_edges == 0:
             continue
-        generators = v0, v1, v2, e0, e1, e2
-        for i in range(6):
-            store_row(directions, i, generators[i])
+        for i, direction in enumerate((v0, v1, v2, e0, e1, e2)):
+            store_row(directions, i, direction)
         for i, edge in enumerate((minus(q, p), minus(s, q), minus(p, s))):
             store_row(directions, 6 + i, _unit(edge)[0])
         # Edges between a face that the eye is outside of and one that it is inside of
         faces = np.int64(c0 > 0.0) | np.int64(c1 > 0.0) << 1 | np.int64(c2 > 0.0) << 2 | np.int64(height > 0.0) << 3
         n_chosen = 0
         for edge in range(eye_edges):
-            chosen[n_chosen] = edge
+            starts[n_chosen], alongs[n_chosen] = EDGES[edge, 0], EDGES[edge, 1]
             n_chosen += (faces >> EDGES[edge, 2] ^ faces >> EDGES[edge, 3]) & 1
-        for row in range(min(n_chosen, N_EYE_PLANES)):
-            edge = chosen[row]
-            g, h = item(directions, EDGES[edge, 0]), item(directions, EDGES[edge, 1])
-            store_row(rows, first + EYE_ROW + row, eye_plane(g, h, generators, growth, space))
+        store_eye_planes(rows, first + EYE_ROW, directions, starts, alongs, n_chosen, 6, growth,
+                         (space.right, space.up, space.forward), space.reach)
 
 
 @parallel_kernel

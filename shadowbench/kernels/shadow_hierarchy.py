@@ -33,6 +33,8 @@ class Counts(NamedTuple):
     ----------
     visits : int64 (n_nodes,), times that a node's children (or samples) were tested.
     frustum_visits : int32 (branching, n_frusta), visits below each root child.
+    group_visits : int64 (n_nodes,), times that a node's children were tested against a group.
+    unit_visits : int32 (branching, n_groups), visits of groups below each root child.
     accepts, rejects, refinements : int64 (branching, n_levels), children of each level's nodes wholly inside a
         frustum, outside one of its planes, and neither; only occupied children that are still to be tested.
     fruitful : int64 (branching, n_levels), of the refinements, those below which the frustum put something in shadow.
@@ -41,6 +43,8 @@ class Counts(NamedTuple):
 
     visits: np.ndarray
     frustum_visits: np.ndarray
+    group_visits: np.ndarray
+    unit_visits: np.ndarray
     accepts: np.ndarray
     rejects: np.ndarray
     refinements: np.ndarray
@@ -54,11 +58,12 @@ def empty_shadow(tree):
     return Shadow(np.zeros(len(tree.occupied), np.uint8), np.zeros(n_tiles, np.uint64), tree.occupied.copy())
 
 
-def empty_counts(tree, n_frusta):
+def empty_counts(tree, n_frusta, n_groups):
     """Allocate counts of zero."""
     branching = int(tree.levels["grid_x"][0] * tree.levels["grid_y"][0])
     levels = (branching, len(tree.levels))
     return Counts(np.zeros(len(tree.occupied), np.int64), np.zeros((branching, n_frusta), np.int32),
+                  np.zeros(len(tree.occupied), np.int64), np.zeros((branching, n_groups), np.int32),
                   np.zeros(levels, np.int64), np.zeros(levels, np.int64), np.zeros(levels, np.int64),
                   np.zeros(levels, np.int64), np.zeros(branching, np.int64))
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.kernels.mask_runs import cut_spans, find_runs
 from shadowbench.kernels.orientation import orient2d
 from shadowbench.kernels.shadow_volumes import N_WORKERS
 from shadowbench.kernels.volume_bins import BAND_STRIDE, N_BANDS, band_rows, face_rows
@@ -245,13 +246,17 @@ def _draw_fast(spans, n_spans, sign, plane, where, columns, rows, depth, stencil
 @kernel
 def _draw_face(face, first_row, last_row, view, faces, z_fail, target, limits, mask, room, counts, entry):
     """Draw the rows of a face that one band owns."""
-    edges, crossings, spans = room
+    edges, crossings, spans, masked = room
     part = limits.part[faces.triangle[face]]
     column_range = np.int64(limits.columns[part, 0]), np.int64(limits.columns[part, 1]) + 1
     n_spans = _find_spans(edges, _set_up_border(faces, face, edges), view.x, view.columns_per_unit, view.down,
                           (first_row, last_row), column_range, crossings, spans)
     if n_spans == 0:
         return
+    if len(mask) > 0 and counts is None:
+        # Cut the spans to the mask, and the mask is done with
+        n_spans = cut_spans(spans, n_spans, masked)
+        spans, mask = masked.pieces, mask[:0]
     side, sign = faces.eye_side[face], np.int64(-faces.multiplicity[face] if z_fail else faces.multiplicity[face])
     depths = (limits.depths[part, 0], limits.depths[part, 1])
     unbounded = depths[0] == -np.inf and depths[1] == np.inf
@@ -271,7 +276,7 @@ def _draw_band(band, view, faces, bins, z_fail, target, limits, mask, counts):
     first_row = band * n_rows
     last_row = min(first_row + n_rows, len(view.down)) - 1
     room = (np.empty((MAX_CORNERS, 7)), np.empty((MAX_CORNERS, 2), np.int64),
-            np.empty((n_rows * MAX_CORNERS, 4), np.int64))
+            np.empty((n_rows * MAX_CORNERS, 4), np.int64), find_runs(mask, first_row, last_row, MAX_CORNERS))
     for entry in range(bins.offset[band, 0], bins.offset[band, N_WORKERS]):
         face = bins.face[entry]
         first, last = face_rows(faces, face, limits)

@@ -24,7 +24,9 @@ from shadowbench.kernels.shadow_frustum import EYE_ROW, ROW_SIZE, WEDGE_ROW, ins
 N_WORKERS = 64
 """Parts that the root tests are cut into."""
 
-_STACK_SIZE = 1024     # a node leaves at most branching - 1 siblings per level: 63 * 7 levels, or 3 * 20
+STACK_SIZE = 1024
+"""A node leaves at most branching - 1 siblings per level: 63 * 7 levels, or 3 * 20."""
+
 _COLUMN_BITS = 28      # a stack entry packs level, row and column
 
 
@@ -52,7 +54,7 @@ class RootTests(NamedTuple):
 @kernel
 def _root_part(tree, frusta, planes, tests, worker):
     """Test the root's children against a share of the frusta."""
-    n, occupied = len(frusta.triangle), tree.occupied[0]
+    n, occupied = len(tests.alive), tree.occupied[0]
     for k in range(n * worker // N_WORKERS, n * (worker + 1) // N_WORKERS):
         first, alive = k * ROW_SIZE, occupied
         if planes.eye:
@@ -70,7 +72,7 @@ def _test_root(tree, frusta, planes, tests):
 
 
 @kernel
-def _outside_in_float64(tree, frusta, k, row, column, undecided, depth):
+def outside_in_float64(tree, frusta, k, row, column, undecided, depth):
     """Mask of those samples of a tile, among the undecided ones, that are not in the frustum."""
     level = tree.levels[-1]
     outside = np.uint64(0)
@@ -86,7 +88,7 @@ def _outside_in_float64(tree, frusta, k, row, column, undecided, depth):
 
 
 @kernel
-def _mark_full(tree, shadow, index, row, column, accepted):
+def mark_full(tree, shadow, index, row, column, accepted):
     """Mark the accepted children of a node."""
     level, below = tree.levels[index], tree.levels[index + 1]
     while accepted != 0:
@@ -97,7 +99,7 @@ def _mark_full(tree, shadow, index, row, column, accepted):
 
 
 @kernel
-def _close(tree, shadow, index, row, column):
+def close_tile(tree, shadow, index, row, column):
     """Tell the ancestors below the root, as far as it matters, that a tile has nothing left to test."""
     while index > 1:
         index -= 1
@@ -111,14 +113,14 @@ def _close(tree, shadow, index, row, column):
 
 
 @kernel
-def _pack(index, row, column):
+def pack(index, row, column):
     """Pack a node into one integer."""
     return ((index << _COLUMN_BITS) + row << _COLUMN_BITS) + column
 
 
 @kernel
-def _unpack(entry):
-    """Undo `_pack`."""
+def unpack(entry):
+    """Undo `pack`."""
     low_bits = (1 << _COLUMN_BITS) - 1
     return entry >> 2 * _COLUMN_BITS, entry >> _COLUMN_BITS & low_bits, entry & low_bits
 
@@ -129,7 +131,7 @@ def _push_root_child(tree, shadow, tests, planes, k, worker, stack):
     root, level = tree.levels[0], tree.levels[1]
     row, column = worker // root.grid_x, worker % root.grid_x
     if tests.partial[k] >> np.uint64(worker) & np.uint64(1) != 0:
-        stack[0] = _pack(1, row, column)
+        stack[0] = pack(1, row, column)
         return 1
     node = level.first + row * level.columns + column
     shadow.full[node] = 1
@@ -150,10 +152,10 @@ def _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts):
         return
     tile_node = level.first + row * level.columns + column
     tile_bit = np.uint64(1) << np.uint64(worker)
-    stack = np.empty(_STACK_SIZE, np.int64)
+    stack = np.empty(STACK_SIZE, np.int64)
     lanes = tree.n_chunks * LANES
     samples_r = 2 * lanes * tree.levels[last].first
-    for k in range(len(frusta.triangle)):
+    for k in range(len(tests.alive)):
         if tests.alive[k] & tile_bit == 0:
             if counts is not None and shadow.open[tile_node] != 0:
                 counts.rejects[worker, 0] += 1
@@ -168,7 +170,7 @@ def _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts):
         fruitful = np.uint64(0)      # a bit per level: its latest node has been counted; levels above hold the ancestors
         while n_stacked > 0:
             n_stacked -= 1
-            index, row, column = _unpack(stack[n_stacked])
+            index, row, column = unpack(stack[n_stacked])
             level = tree.levels[index]
             tile = row * level.columns + column
             node = level.first + tile
@@ -185,7 +187,7 @@ def _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts):
                 if closed & unsure != 0:
                     if counts is not None:
                         counts.retries[worker] += count_bits(closed & unsure)
-                    closed &= ~_outside_in_float64(tree, frusta, k, row, column, closed & unsure, depth)
+                    closed &= ~outside_in_float64(tree, frusta, k, row, column, closed & unsure, depth)
                 shadow.samples[tile] |= closed
             else:
                 # The node's children: culling planes first, the frustum's own for those that survive
@@ -203,12 +205,12 @@ def _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts):
                     counts.accepts[worker, index] += count_bits(closed)
                     counts.refinements[worker, index] += count_bits(partial)
                 if closed != 0:
-                    _mark_full(tree, shadow, index, row, column, closed)
+                    mark_full(tree, shadow, index, row, column, closed)
                 child_row, child_column = row * level.grid_y, column * level.grid_x
                 while partial != 0:
                     lane = lowest_bit(partial)
                     partial &= partial - np.uint64(1)
-                    stack[n_stacked] = _pack(index + 1, child_row + lane // level.grid_x,
+                    stack[n_stacked] = pack(index + 1, child_row + lane // level.grid_x,
                                              child_column + lane % level.grid_x)
                     n_stacked += 1
             if counts is not None:
@@ -221,7 +223,7 @@ def _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts):
             if planes.skip_shadowed and closed != 0:
                 shadow.open[node] = candidates & ~closed
                 if candidates == closed:
-                    _close(tree, shadow, index, row, column)
+                    close_tile(tree, shadow, index, row, column)
 
 
 @parallel_kernel
@@ -230,18 +232,17 @@ def _traverse_tiles(n_tiles, tree, frusta, planes, tests, depth, shadow, counts)
         _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts)
 
 
-def traverse(tree, frusta, planes, depth, shadow, counts):
-    """Rasterise all frusta into the shadow buffer.
+def traverse(tree, frusta, n_frusta, planes, depth, shadow, counts):
+    """Rasterise frusta into the shadow buffer.
 
     Parameters
     ----------
-    tree : the samples; frusta : the casters.
+    tree : the samples; frusta : the casters; n_frusta : how many of them, from the first on.
     planes : what to test and to skip.
     depth : float64 (n_samples,), of the samples row by row, for the decisions in float64.
     shadow : filled.
     counts : filled, or None for the build that does not count.
     """
-    n_frusta = len(frusta.triangle)
     if n_frusta == 0 or tree.occupied[0] == 0:
         return
     tests = RootTests(np.empty(n_frusta, np.uint64), np.empty(n_frusta, np.uint64))

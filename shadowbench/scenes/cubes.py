@@ -6,7 +6,7 @@ import numpy as np
 
 from shadowbench.geometry import FloatArray, Light
 from shadowbench.scenes.procedural import MeshBuilder, ProceduralScene, require_triangles, whole_degrees
-from shadowbench.scenes.shapes import Shape, box, subdivided_box
+from shadowbench.scenes.shapes import Shape, box, subdivided_box, zigzag
 from shadowbench.trigonometry import cos_degrees, sin_degrees
 
 N_CUBES = 60
@@ -44,7 +44,8 @@ def generate(triangles: int, seed: int) -> ProceduralScene:
     for k, centre in enumerate(_centres(rng)):
         turned = _turned(cube, *whole_degrees(rng, 3)).scaled(*[rng.uniform(0.35, 0.75)] * 3)
         builder.add(turned.moved(*centre), ("red", "blue", "ochre")[k % 3])
-    builder.add(_floor(triangles - builder.n_triangles), "floor")
+    near, far = (((-HALF, 0.0, z), (HALF, 0.0, z)) for z in (HALF, -HALF))
+    builder.add(zigzag(near, far, triangles - builder.n_triangles), "floor")
     eyes = [(0.5, 10.5, 29.0), (8.0, 13.0, 25.0), (5.0, 7.0, 20.0), (-6.0, 6.0, 22.0), (-9.0, 12.0, 26.0)]
     targets = [(0.0, 9.0, 0.0), (0.0, 8.0, 0.0), (0.0, 8.0, -4.0), (0.0, 9.0, -4.0), (0.0, 9.0, 0.0)]
     return ProceduralScene(builder.mesh(), eyes, targets, closed=True, fov_y=48.0, near=0.1, far=100.0,
@@ -70,20 +71,3 @@ def _turned(shape: Shape, *angles: int) -> Shape:
         a, b = (axis + 1) % 3, (axis + 2) % 3
         points[:, a], points[:, b] = c * points[:, a] - s * points[:, b], s * points[:, a] + c * points[:, b]
     return Shape(points, shape.triangles)
-
-
-def _floor(n: int) -> Shape:
-    """Exactly `n` triangles: two rows of points, near and far, joined by a zigzag."""
-    near, far = n // 2 + 1, n - n // 2 + 1
-    front = np.stack([np.linspace(-HALF, HALF, near), np.zeros(near), np.full(near, HALF)], axis=1)
-    back = np.stack([np.linspace(-HALF, HALF, far), np.zeros(far), np.full(far, -HALF)], axis=1)
-    triangles, i, j = [], 0, 0
-    while i < near - 1 or j < far - 1:
-        # Advance on the side that lags behind, so that the zigzag stays even.
-        if j * (near - 1) <= i * (far - 1) and j < far - 1:
-            triangles.append((i, near + j + 1, near + j))
-            j += 1
-        else:
-            triangles.append((i, i + 1, near + j))
-            i += 1
-    return Shape(np.concatenate([front, back]), np.array(triangles, np.int64))

@@ -256,6 +256,26 @@ def subdivided_box(n: int) -> Shape:
     return weld(join(faces))
 
 
+def zigzag(near: tuple[Vector, Vector], far: tuple[Vector, Vector], n: int) -> Shape:
+    """Exactly `n` triangles between two lines, each given by its left and its right end: a patch of any count.
+
+    It faces up where `near` lies at larger z than `far`.
+    """
+    n_near, n_far = n // 2 + 1, n - n // 2 + 1
+    front, back = (np.linspace(np.array(line[0], np.float64), np.array(line[1], np.float64), n_points)
+                   for line, n_points in ((near, n_near), (far, n_far)))
+    triangles, i, j = [], 0, 0
+    while i < n_near - 1 or j < n_far - 1:
+        # Advance on the side that lags behind, so that the zigzag stays even.
+        if j * (n_near - 1) <= i * (n_far - 1) and j < n_far - 1:
+            triangles.append((i, n_near + j + 1, n_near + j))
+            j += 1
+        else:
+            triangles.append((i, i + 1, n_near + j))
+            i += 1
+    return Shape(np.concatenate([front, back]), np.array(triangles, np.int64))
+
+
 def weld(shape: Shape) -> Shape:
     """Join vertices at the same position."""
     vertices, index = np.unique(shape.vertices, axis=0, return_inverse=True)
