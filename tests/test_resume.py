@@ -199,11 +199,11 @@ def test_a_method_that_raises_loses_no_other_and_is_never_reused(tmp_path, monke
 def test_cells_that_hang_or_crash_lose_no_other(tmp_path):
     (tmp_path / "wrong.py").write_text(PLUGIN)
     arguments = [*RUN, "--plugin", "wrong.py", "-a", "ptsv", "-a", "hangs", "-a", "crashes", "-a", "raises", "-a", "z_fail",
-                 "--out", "out", "--timeout", "6"]
+                 "--out", "out", "--timeout", "8"]
     code, output, _ = finish(start(*arguments, cwd=tmp_path))
-    assert code == 4 and "timeout: not finished after 6 s" in output
+    assert code == 4 and "timeout: not finished after 8 s" in output
     assert statuses(tmp_path / "out") == {
-        "ptsv": ("done", None), "hangs": ("failed", "timeout: not finished after 6 s"),
+        "ptsv": ("done", None), "hangs": ("failed", "timeout: not finished after 8 s"),
         "crashes": ("failed", "the worker process ended with signal SIGSEGV"),
         "raises": ("failed", "RuntimeError: out of luck"), "z_fail": ("done", None)}
 
