@@ -88,15 +88,15 @@ def advice(outcome: Outcome) -> list[str]:
     return lines
 
 
-def text_report(outcome: Outcome) -> str:
-    """Write the outcome for a terminal."""
+def text_report(outcome: Outcome, advise: bool = True) -> str:
+    """Write the outcome for a terminal, with what to do next if that is wanted."""
     lines = []
     for title, rows in sections(outcome):
         widths = [max(len(row[i]) for row in rows) for i in (0, 1)]
         lines.append(f"{title} ({len(rows):,})")
         lines += [f"  {cell:<{widths[0]}}  {counter:<{widths[1]}}  {change}".rstrip() for cell, counter, change in rows]
         lines.append("")
-    return "\n".join([*lines, headline(outcome), *advice(outcome)])
+    return "\n".join([*lines, headline(outcome), *(advice(outcome) if advise else [])])
 
 
 def markdown_report(outcome: Outcome) -> str:

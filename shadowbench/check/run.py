@@ -71,7 +71,7 @@ def check(suite_path: Path, baseline: Path, *, update: bool, tolerances: tuple[s
         if _measure(entry, cells, folder, threads or len(os.sched_getaffinity(0))):
             return EXIT_INTERRUPTED
     outcome = _outcome(suite, folder.cells, expected, percent, commands)
-    text, markdown = text_report(outcome), markdown_report(outcome)
+    text, markdown = text_report(outcome, advise=not update), markdown_report(outcome)
     click.echo(markdown if style == "md" else text)
     summary = os.environ.get("GITHUB_STEP_SUMMARY")
     if summary:
