@@ -4,11 +4,12 @@ BIN := .venv/bin
 RUN := $(BIN)/shadowbench
 WORKERS ?= 2
 
-.PHONY: help demo test test-slow bench lint clean
+.PHONY: help demo test test-slow check bench lint clean
 help:
 	@echo "make demo       install, then run the citadel scene"
 	@echo "make test       install, then run the tests"
 	@echo "make test-slow  the exhaustive tests"
+	@echo "make check      operation counts against results/counts.lock"
 	@echo "make bench      the performance bars, printed as ratios"
 	@echo "make lint       style, types and import rules"
 
@@ -35,6 +36,9 @@ test: .venv/installed-dev
 
 test-slow: .venv/installed-dev
 	$(BIN)/python -m pytest -m slow
+
+check: .venv/installed
+	$(RUN) check
 
 bench: .venv/installed-dev
 	$(BIN)/python -m pytest -m bench -s

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 from shadowbench.algorithms import ALGORITHMS
 from shadowbench.errors import InputError
 from shadowbench.scene_models import AlgorithmSpec
+from shadowbench.scene_sweep import is_scene_axis
 from shadowbench.validation import Fault, describe, did_you_mean, faults_of, strict_params
 from shadowbench.yaml_positions import parse_value, path_text
 
@@ -123,7 +124,8 @@ def _check_item(item: Any) -> tuple[AlgorithmSpec | None, list[Fault]]:
 
 
 def check_matrix(value: Any, listed: tuple[str, ...] | None) -> tuple[dict[str, tuple[Any, ...]], list[Fault]]:
-    """Read the sweep axes under ``matrix``: ``algorithm.parameter: [values]``.
+    """Read the sweep axes under ``matrix``: ``algorithm.parameter: [values]``, or a key of the scene such as
+    ``image.width``, whose values are checked with each variant of the scene.
 
     Parameters
     ----------
@@ -136,19 +138,27 @@ def check_matrix(value: Any, listed: tuple[str, ...] | None) -> tuple[dict[str, 
     faults: list[Fault] = []
     for axis, values in value.items():
         name, dot, parameter = axis.partition(".")
-        if not dot or not name or not parameter:
-            faults.append(Fault((axis,), "must be written as 'algorithm.parameter: [values]'", True))
+        if is_scene_axis(axis):
+            faults += _check_list(axis, values)
+        elif not dot or not name or not parameter:
+            faults.append(Fault((axis,), "must be written as 'algorithm.parameter: [values]', or be a key of the scene such "
+                                         "as 'image.width'", True))
         elif check_name(name):
             faults += [Fault((axis,), fault.message, True) for fault in check_name(name)]
         elif listed is not None and name not in listed:
             faults.append(Fault((axis,), f"'{name}' is not under 'algorithms': add it there, or remove this axis",
                                 True))
-        elif not isinstance(values, list) or not values:
-            got = "an empty list" if values == [] else describe(values)
-            faults.append(Fault((axis,), f"must be a list of values, not {got}"))
         else:
-            faults += _check_axis(axis, name, parameter, values)
+            faults += _check_list(axis, values) or _check_axis(axis, name, parameter, values)
     return {axis: tuple(values) for axis, values in value.items() if isinstance(values, list)}, faults
+
+
+def _check_list(axis: str, values: Any) -> list[Fault]:
+    """Check that an axis has values."""
+    if isinstance(values, list) and values:
+        return []
+    got = "an empty list" if values == [] else describe(values)
+    return [Fault((axis,), f"must be a list of values, not {got}")]
 
 
 def _check_axis(axis: str, name: str, parameter: str, values: list[Any]) -> list[Fault]:

@@ -13,11 +13,12 @@ import click
 from click.shell_completion import CompletionItem
 
 from shadowbench import __version__
-from shadowbench.algorithms import ALGORITHMS, ALL_ALGORITHMS
+from shadowbench.algorithms import ALGORITHMS
 from shadowbench.errors import InputError
 from shadowbench.scenes import ALL_SCENES, SCENES
 
-EXIT_INTERNAL, EXIT_USAGE, EXIT_SOME_FAILED, EXIT_INTERRUPTED = 1, 2, 4, 130
+EXIT_OK, EXIT_INTERNAL, EXIT_USAGE, EXIT_REGRESSION, EXIT_SOME_FAILED, EXIT_NOTHING = range(6)
+EXIT_INTERRUPTED = 130
 
 
 class SceneArgument(click.ParamType):
@@ -38,7 +39,7 @@ class AlgorithmArgument(click.ParamType):
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Offer the names of all algorithms."""
-        return [CompletionItem(a.name, help=a.summary) for a in ALL_ALGORITHMS if a.name.startswith(incomplete)]
+        return [CompletionItem(a.name, help=a.summary) for a in ALGORITHMS.values() if a.name.startswith(incomplete)]
 
 
 class FrameRange(click.ParamType):
@@ -94,6 +95,22 @@ class OutputSet(click.ParamType):
         return chosen
 
 
+def _find_plugins(ctx: click.Context, param: click.Parameter, files: tuple[Path, ...]) -> None:
+    """List installed plug-ins and load those given as files, before any other option is looked at."""
+    from shadowbench import plugins
+
+    plugins.find_installed()
+    plugins.load_files(files)
+    if ctx.info_name != "list":
+        for each in plugins.unavailable():
+            click.echo(f"warning: plug-in {each.name} ({each.origin}) is unavailable: {each.reason}", err=True)
+
+
+with_plugins = click.option("--plugin", multiple=True, metavar="FILE.py", type=click.Path(path_type=Path), is_eager=True,
+                            expose_value=False, callback=_find_plugins,
+                            help="File with a method of your own; repeat for several.")
+
+
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="shadowbench")
 def cli() -> None:
@@ -113,17 +130,60 @@ def cli() -> None:
 @click.option("--threads", type=click.IntRange(1), help="Threads. Default: all processors.")
 @click.option("--out", type=click.Path(path_type=Path), help="Run folder. Default: results/runs/<time>-<scene>.")
 @click.option("--only", type=OutputSet(), help="Produce only some of: counts,timings,images.")
+@click.option("--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS",
+              help="Give up a cell after so long, compiling left out, and go on with the next.")
+@click.option("--resume", is_flag=True, help="Go on with the run in --out: what it finished is kept.")
 @click.option("--quick", is_flag=True, help="First frame, at most 256 pixels high, one repeat.")
-@click.option("--dry-run", is_flag=True, help="List the cells and stop.")
+@click.option("--dry-run", is_flag=True, help="List the cells, and how long they took before, and stop.")
 @click.option("--keep-going/--fail-fast", default=True, help="After a failed cell, go on or stop. Default: go on.")
+@with_plugins
 def run(**options: Any) -> None:
     """Measure algorithms on scenes.
 
     SCENE is a scene file, or the name of a built-in scene (see `shadowbench list scenes`).
     """
-    from shadowbench import commands
+    from shadowbench.run_command import run as command
 
-    sys.exit(commands.run(sys.argv[1:], **options))
+    sys.exit(command(sys.argv[1:], **options))
+
+
+@cli.command()
+@click.argument("suite", metavar="[SUITE.yaml]", default=Path("configs/ci.yaml"), type=click.Path(path_type=Path))
+@click.option("--baseline", type=click.Path(path_type=Path, dir_okay=False), default=Path("results/counts.lock"),
+              show_default=True, help="File of expected counts.")
+@click.option("--update", is_flag=True, help="Make the baseline anew and list what changed. Refused where CI is set.")
+@click.option("--tolerance", "tolerances", multiple=True, metavar="COUNTER=PERCENT",
+              help="Let a counter change by so much; repeat for several. Default: no change at all.")
+@click.option("--format", "style", type=click.Choice(["text", "md"]), default="text", show_default=True,
+              help="Text, or Markdown for a CI summary (also added to $GITHUB_STEP_SUMMARY where that is set).")
+@click.option("--threads", type=click.IntRange(1), help="Threads. Default: all processors.")
+@with_plugins
+def check(suite: Path, **options: Any) -> None:
+    """Compare operation counts with the committed baseline.
+
+    Fails (exit code 3) if a count of work grew, if a method did something else than before, if a count is missing from
+    either side, or if an exact method has a wrong sample. Fewer operations are listed as improvements and do not fail.
+    SUITE.yaml is configs/ci.yaml unless another is named.
+    """
+    from shadowbench.check.run import check as command
+
+    sys.exit(command(suite, **options))
+
+
+@cli.command()
+@click.argument("algorithms", metavar="[ALG[key=value,...]]...", nargs=-1, type=AlgorithmArgument())
+@click.option("--case", metavar="NAME", help="Run one case alone.")
+@click.option("--quick", is_flag=True, help="Leave out the large image and the large mesh.")
+@with_plugins
+def verify(algorithms: tuple[str, ...], case: str | None, quick: bool) -> None:
+    """Examine methods: interface, counts, determinism, and hard cases against the reference.
+
+    Without ALG, all methods and plug-ins. Ends with exit code 3 if something is wrong, and says what, and how to run that
+    case again.
+    """
+    from shadowbench.conformance.run import verify as command
+
+    sys.exit(command(algorithms, case, quick))
 
 
 class ItemArgument(click.ParamType):
@@ -169,13 +229,17 @@ def reproduce(what: str, quick: bool, out: Path) -> None:
 @cli.command("list")
 @click.argument("kind", type=click.Choice(["algorithms", "scenes", "counters"]))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@with_plugins
 def list_command(kind: str, as_json: bool) -> None:
     """List algorithms, built-in scenes or counters."""
     from shadowbench.counters import ALL_COUNTERS
+    from shadowbench.plugins import unavailable
 
     rows: list[dict[str, Any]]
     if kind == "algorithms":
-        rows = [{"name": a.name, "paper": a.paper, "exact": a.exact, "summary": a.summary} for a in ALL_ALGORITHMS]
+        rows = [{"name": a.name, "paper": a.paper, "exact": a.exact, "summary": a.summary}
+                for a in ALGORITHMS.values()]
+        rows += [{"name": p.name, "summary": f"unavailable ({p.origin}): {p.reason}"} for p in unavailable()]
     elif kind == "scenes":
         rows = [{"name": s.name, "triangles": s.triangles, "summary": s.summary} for s in ALL_SCENES]
     else:
@@ -191,6 +255,7 @@ def list_command(kind: str, as_json: bool) -> None:
 
 @cli.command()
 @click.argument("what", metavar="ALG|SCENE|RUN")
+@with_plugins
 def show(what: str) -> None:
     """Show an algorithm's parameters and stages, a built-in scene, a scene file, or the results in a run folder."""
     from shadowbench import commands
@@ -207,14 +272,15 @@ def show(what: str) -> None:
 
 @cli.command()
 @click.argument("files", metavar="FILE...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@with_plugins
 def validate(files: tuple[Path, ...]) -> None:
-    """Check scene files and print every problem with its line and column."""
-    from shadowbench.config import load_config
+    """Check scene files and suites and print every problem with its line and column."""
+    from shadowbench.commands import validate_file
 
     problems = []
     for file in files:
         try:
-            load_config(file)
+            validate_file(file)
             click.echo(f"{file}: ok")
         except InputError as error:
             problems.append(str(error))

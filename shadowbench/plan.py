@@ -35,6 +35,7 @@ class RunOptions:
     keep_going : True to go on after a failed cell.
     verify : False to leave out the comparison with the reference, and with it all pictures.
     warm_up : False to time the first execution too, unless it compiled something.
+    timeout : seconds after which a cell is given up, or None. Compiling does not count.
     """
 
     frames: tuple[int, ...]
@@ -44,6 +45,7 @@ class RunOptions:
     keep_going: bool = True
     verify: bool = True
     warm_up: bool = True
+    timeout: float | None = None
 
     def __post_init__(self) -> None:
         if "images" in self.only and not self.verify:

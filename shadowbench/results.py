@@ -12,11 +12,12 @@ import io
 import json
 import os
 import re
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from shadowbench.algorithms import PEERS
 from shadowbench.errors import InputError
@@ -70,6 +71,7 @@ class CellResult(BaseModel):
     total_seconds: list[float] = Field(default_factory=list, description="seconds per repeat, preparation left out")
     jit_seconds: float = Field(0.0, description="seconds spent compiling, outside every timing")
     memory_bytes: dict[str, int] = Field(default_factory=dict)
+    wall_seconds: float = Field(0.0, description="seconds that the whole cell took: all repeats, comparison and pictures")
     accuracy: AccuracyRecord | None = None
     files: dict[str, str] = Field(default_factory=dict, description="paths inside the run folder")
 
@@ -99,16 +101,16 @@ def default_folder(scene_name: str) -> Path:
     return folder
 
 
-def check_writable(folder: Path) -> None:
+def check_writable(folder: Path, resume: bool = False) -> None:
     """Make sure that the run folder can be made or written to, and leave nothing behind.
 
     Raises
     ------
     InputError
-        If the folder holds another run, or can't be written to.
+        If the folder can't be written to, or holds another run that is not to be resumed.
     """
-    if (folder / "run.json").exists():
-        raise InputError(f"{folder} already holds a run: choose another --out, or remove it")
+    if (folder / "run.json").exists() and not resume:
+        raise InputError(f"{folder} already holds a run: add --resume to go on with it, or choose another --out")
     existing = folder
     while not existing.exists() and existing != existing.parent:
         existing = existing.parent
@@ -143,11 +145,12 @@ class RunFolder:
     path : the folder; made here, with its parents.
     description : fields of ``run.json`` other than ``schema``, ``status``, ``created`` and ``cells``.
     planned : number of cells.
+    kept : cells of an earlier run in this folder that still hold.
     """
 
-    def __init__(self, path: Path, description: dict[str, Any], planned: int) -> None:
+    def __init__(self, path: Path, description: dict[str, Any], planned: int, kept: Iterable[CellResult] = ()) -> None:
         self.path = path
-        self.cells: list[CellResult] = []
+        self.cells: list[CellResult] = list(kept)
         self._description = description
         self._planned = planned
         self._created = f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
@@ -176,13 +179,25 @@ class RunFolder:
 
     def append(self, cell: CellResult) -> None:
         """Add a finished cell to ``results.jsonl`` and flush it to the disk."""
+        self._check_there()
         self.cells.append(cell)
         append_line(self.path / "results.jsonl", cell.model_dump_json(by_alias=True))
 
     def image_folder(self, frame: int, label: str | None = None) -> Path:
         """Make and return the folder for a frame's pictures, or for one algorithm's within it."""
+        self._check_there()
         folder = self.path / "frames" / f"{frame:04d}"
         return make_folder(folder if label is None else folder / label)
+
+    def _check_there(self) -> None:
+        """Refuse to go on in a folder that somebody removed: a new one would look like a run and lack its first cells."""
+        if not (self.path / "run.json").exists():
+            raise RunFolderError(f"the run folder {self.path} has vanished: choose another --out, or run again")
+
+    def sort(self, keys: Sequence[str]) -> None:
+        """Put the cells into the order of their keys."""
+        order = {key: i for i, key in enumerate(keys)}
+        self.cells.sort(key=lambda cell: order[cell.key])
 
     def write_tables(self) -> None:
         """Write ``counts.csv`` and ``timings.csv`` from the cells so far."""
@@ -211,17 +226,22 @@ def make_folder(folder: Path) -> Path:
     return folder
 
 
-def tables(cells: list[CellResult]) -> tuple[str, str]:
-    """Make the texts of ``counts.csv`` (integers only, sorted) and ``timings.csv``."""
-    counts = [(c.scene, c.frame, c.algorithm, c.label, name, value) for c in cells for name, value in c.counts.items()]
+def count_rows(cells: list[CellResult]) -> list[tuple[str, int, str, str, str, int]]:
+    """List scene, frame, algorithm, label, counter and value of every count and class of samples, sorted."""
+    rows = [(c.scene, c.frame, c.algorithm, c.label, name, value) for c in cells for name, value in c.counts.items()]
     for cell in cells:
         if cell.accuracy is not None and cell.algorithm not in PEERS:    # a peer's answers depend on the machine
-            counts += [(cell.scene, cell.frame, cell.algorithm, cell.label, name, value)
-                       for name, value in cell.accuracy.model_dump(exclude_none=True).items()]
+            rows += [(cell.scene, cell.frame, cell.algorithm, cell.label, name, value)
+                     for name, value in cell.accuracy.model_dump(exclude_none=True).items()]
+    return sorted(rows)
+
+
+def tables(cells: list[CellResult]) -> tuple[str, str]:
+    """Make the texts of ``counts.csv`` (integers only, sorted) and ``timings.csv``."""
     timings = [(c.scene, c.frame, c.algorithm, c.label, stage, repeat, f"{seconds:.9f}") for c in cells
                for stage, values in [*c.stages.items(), ("total", c.total_seconds)]
                for repeat, seconds in enumerate(values)]
-    return (_csv(("scene", "frame", "algorithm", "label", "counter", "value"), sorted(counts)),
+    return (_csv(("scene", "frame", "algorithm", "label", "counter", "value"), count_rows(cells)),
             _csv(("scene", "frame", "algorithm", "label", "stage", "repeat", "seconds"), timings))
 
 
@@ -238,12 +258,13 @@ def read_run(path: Path) -> tuple[dict[str, Any], list[CellResult]]:
 
     Returns
     -------
-    ``run.json`` as a dictionary, and the cells in the order they finished. A last line cut short by a kill is left out.
+    ``run.json`` as a dictionary, and the cells in the order they finished: of cells that ran again, the last result. A
+    last line cut short by a kill is left out.
 
     Raises
     ------
     InputError
-        If the folder holds no run, or one of another schema.
+        If the folder holds no run, or one of another schema, or a line that is no cell.
     """
     try:
         document = json.loads((path / "run.json").read_text(encoding="utf-8"))
@@ -253,6 +274,32 @@ def read_run(path: Path) -> tuple[dict[str, Any], list[CellResult]]:
         raise InputError(f"cannot read {path / 'run.json'}: {error}") from error
     if document.get("schema") != SCHEMA:
         raise InputError(f"{path} was written with schema {document.get('schema')}; this version reads {SCHEMA}")
-    lines_file = path / "results.jsonl"
-    lines = lines_file.read_text(encoding="utf-8").splitlines(keepends=True) if lines_file.exists() else []
-    return document, [CellResult.model_validate_json(line) for line in lines if line.endswith("\n")]
+    return document, read_cells(path / "results.jsonl")
+
+
+def read_cells(file: Path) -> list[CellResult]:
+    """Read ``results.jsonl``; see `read_run`."""
+    try:
+        text = file.read_text(encoding="utf-8", errors="replace") if file.exists() else ""
+    except OSError as error:
+        raise InputError(f"cannot read {file}: {error.strerror}") from error
+    cells: dict[tuple[str, int, str], CellResult] = {}
+    for number, line in enumerate(text.split("\n")[:-1], 1):
+        try:
+            cell = CellResult.model_validate_json(line)
+        except ValidationError as error:
+            raise InputError(f"{file}:{number}: no result of a cell: remove this line, then --resume") from error
+        cells.pop((cell.scene, cell.frame, cell.label), None)
+        cells[cell.scene, cell.frame, cell.label] = cell
+    return list(cells.values())
+
+
+def drop_torn_line(file: Path) -> bool:
+    """Cut off a last line that a kill or a full disk left unfinished; True if there was one."""
+    if not file.is_file():
+        return False
+    with file.open("rb+") as stream:
+        data = stream.read()
+        whole = data.rfind(b"\n") + 1
+        stream.truncate(whole)
+    return whole < len(data)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -29,7 +29,7 @@ from shadowbench.progress import Progress
 from shadowbench.report import pictures
 from shadowbench.report.html import write_report
 from shadowbench.report.remarks import remarks
-from shadowbench.results import AccuracyRecord, CellFolder, CellResult, RunFolder, RunStatus
+from shadowbench.results import AccuracyRecord, CellFolder, CellResult, RunFolder, RunFolderError, RunStatus
 from shadowbench.scenes.loader import Scene
 from shadowbench.view_samples import render_view_samples
 
@@ -141,24 +141,24 @@ class Measurer:
             self.progress.step(f"frame {index}: {cell.label}")
             result = self._run_cell(cell, frame, truths)
             self.folder.append(result)
-            self.progress.finished(f"frame {index} {cell.label}: {_outcome(result)}")
+            self.progress.finished(f"frame {index} {cell.label}: {outcome(result)}")
             if result.status == "failed" and not self.options.keep_going:
                 raise StopRun
 
     def _run_cell(self, cell: Cell, frame: Frame, truths: dict[bytes, Truth]) -> CellResult:
         """Run one cell; whatever goes wrong inside it becomes its reason."""
-        params = cell.algorithm.params.model_dump(mode="json")
-        result = CellResult(key=cell.key, scene=self.scene.name, frame=cell.frame, algorithm=cell.name,
-                            label=cell.label, params=params, status="done")
-        reason = cell.algorithm.unsupported(self.scene)
-        if reason is not None:
-            return result.model_copy(update={"status": "unsupported", "reason": reason})
+        start = time.perf_counter()
+        result = empty_result(cell, self.scene)
         try:
+            reason = cell.algorithm.unsupported(self.scene)
+            if reason is not None:
+                return result.model_copy(update={"status": "unsupported", "reason": reason})
             self._measure(cell, frame, truths, result)
+        except RunFolderError:
+            raise
         except Exception as error:
-            return CellResult(key=cell.key, scene=self.scene.name, frame=cell.frame, algorithm=cell.name,
-                              label=cell.label, params=params, status="failed",
-                              reason=f"{type(error).__name__}: {error}")
+            return failed_result(cell, self.scene, f"{type(error).__name__}: {error}")
+        result.wall_seconds = round(time.perf_counter() - start - result.jit_seconds, 6)
         return result
 
     def _measure(self, cell: Cell, frame: Frame, truths: dict[bytes, Truth], result: CellResult) -> None:
@@ -260,9 +260,21 @@ class Runner(Measurer):
         super().__init__(scene, load_seconds, cells, options, folder, progress)
         self.run_folder = folder
 
-    def run(self) -> RunSummary:
-        """Run everything that is planned, and write tables, status and report of what is finished."""
-        self.measure()
+    def run(self, order: Sequence[str], plugin_files: tuple[Path, ...] = ()) -> RunSummary:
+        """Run the cells, and write tables, status and report of all that is finished.
+
+        Parameters
+        ----------
+        order : keys of all cells of the run folder, in the order of its tables.
+        plugin_files : plug-ins that a worker process has to load, where cells have a time limit.
+        """
+        if self.options.timeout is None:
+            self.measure()
+        else:
+            from shadowbench.supervisor import measure_within
+
+            measure_within(self, self.options.timeout, plugin_files)
+        self.run_folder.sort(order)
         status: RunStatus = "interrupted" if self.summary.interrupted else "done"
         if status == "done" and any(cell.status == "failed" for cell in self.run_folder.cells):
             status = "partial"
@@ -273,6 +285,17 @@ class Runner(Measurer):
         return self.summary
 
 
+def empty_result(cell: Cell, scene: Scene) -> CellResult:
+    """Make the result of a cell, to be filled in."""
+    return CellResult(key=cell.key, scene=scene.name, frame=cell.frame, algorithm=cell.name, label=cell.label,
+                      params=cell.algorithm.params.model_dump(mode="json"), status="done")
+
+
+def failed_result(cell: Cell, scene: Scene, reason: str) -> CellResult:
+    """Make the result of a cell that failed."""
+    return empty_result(cell, scene).model_copy(update={"status": "failed", "reason": reason})
+
+
 def _check_buffer(buffer: ShadowBuffer, frame: Frame) -> None:
     """Refuse a shadow buffer of the wrong size or type."""
     shape = frame.samples.candidate.shape
@@ -280,7 +303,7 @@ def _check_buffer(buffer: ShadowBuffer, frame: Frame) -> None:
         raise TypeError(f"shadow must be float32 {shape}, not {buffer.shadow.dtype} {buffer.shadow.shape}")
 
 
-def _outcome(result: CellResult) -> str:
+def outcome(result: CellResult) -> str:
     """One short phrase for the progress log."""
     if result.status != "done":
         return f"{result.status}: {result.reason}"

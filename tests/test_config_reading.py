@@ -199,7 +199,8 @@ BAD = [
     (QUAD + "matrix: [1]", "s.yaml:2:9 matrix must be a mapping such as 'cluster.bounds: [implicit, explicit]', not a "
                            "list"),
     (QUAD + "matrix: {casters: [1]}",
-     "s.yaml:2:10 matrix.casters must be written as 'algorithm.parameter: [values]'"),
+     "s.yaml:2:10 matrix.casters must be written as 'algorithm.parameter: [values]', or be a key of the scene such as "
+     "'image.width'"),
     (QUAD + "matrix: {smaple.casters: [all]}",
      "s.yaml:2:10 matrix.smaple.casters unknown algorithm 'smaple'; did you mean 'sample'?"),
     (QUAD + "algorithms: [optional]\nmatrix: {sample.casters: [all]}",

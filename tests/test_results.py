@@ -35,8 +35,8 @@ def test_results_line_has_the_published_fields(tmp_path):
     folder.append(cell())
     line = json.loads((tmp_path / "run" / "results.jsonl").read_text())
     assert set(line) == {"schema", "key", "scene", "frame", "algorithm", "label", "params", "status", "reason",
-                         "counts", "levels", "stages", "total_seconds", "jit_seconds", "memory_bytes", "accuracy",
-                         "files"}
+                         "counts", "levels", "largest", "stages", "total_seconds", "jit_seconds", "wall_seconds",
+                         "memory_bytes", "accuracy", "files"}
     assert {"samples", "lit_candidates", "shadowed", "false_shadow", "false_light", "edge_tie"} <= set(line["accuracy"])
 
 
@@ -69,6 +69,35 @@ def test_a_line_cut_short_by_a_kill_is_left_out(tmp_path):
     with (tmp_path / "run" / "results.jsonl").open("a") as file:
         file.write('{"schema": 1, "key": "k", "sce')
     assert len(results.read_run(tmp_path / "run")[1]) == 1
+    file = tmp_path / "run" / "results.jsonl"
+    assert results.drop_torn_line(file) and file.read_text().count("\n") == 1
+    assert not results.drop_torn_line(file) and not results.drop_torn_line(tmp_path / "none")
+
+
+def test_of_a_cell_that_ran_again_the_last_result_counts(tmp_path):
+    folder = RunFolder(tmp_path / "run", {}, planned=2)
+    for each in (cell(status="failed", reason="no"), cell(1), cell()):
+        folder.append(each)
+    assert [(c.frame, c.status) for c in results.read_run(tmp_path / "run")[1]] == [(1, "done"), (0, "done")]
+
+
+def test_a_line_that_is_no_cell_is_told_with_its_number(tmp_path):
+    folder = RunFolder(tmp_path / "run", {}, planned=1)
+    folder.append(cell())
+    with (tmp_path / "run" / "results.jsonl").open("a") as file:
+        file.write("\0\0\0\n")
+    with pytest.raises(InputError, match=r"results\.jsonl:2: no result of a cell"):
+        results.read_run(tmp_path / "run")
+
+
+def test_a_run_folder_that_vanished_is_not_made_anew(tmp_path):
+    folder = RunFolder(tmp_path / "run", {}, planned=1)
+    (tmp_path / "run" / "run.json").unlink()
+    (tmp_path / "run").rmdir()
+    for step in (lambda: folder.append(cell()), lambda: folder.image_folder(0)):
+        with pytest.raises(RunFolderError, match="vanished"):
+            step()
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize(("changed", "label"), [
