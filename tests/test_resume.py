@@ -100,6 +100,7 @@ def kill_and_resume(n_kills: int, seed: int, folder: Path) -> Path:
     return folder / "out"
 
 
+@pytest.mark.slow
 def test_a_run_killed_three_times_ends_with_the_same_counts(undisturbed, tmp_path):
     out = kill_and_resume(3, 1, tmp_path)
     assert (out / "counts.csv").read_bytes() == undisturbed
@@ -215,6 +216,7 @@ def test_with_a_time_limit_counts_are_the_same(undisturbed, tmp_path):
     assert (tmp_path / "out" / "counts.csv").read_bytes() == undisturbed
 
 
+@pytest.mark.slow
 def test_interrupting_a_run_with_a_time_limit_ends_the_worker(tmp_path):
     (tmp_path / "wrong.py").write_text(PLUGIN)
     process = start(*RUN, "--plugin", "wrong.py", "-a", "ptsv", "-a", "hangs", "--out", "out", "--timeout", "500",
