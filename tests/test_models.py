@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shadowbench import commands
+from shadowbench.run_command import run
 from shadowbench.scenes.meshes import load_mesh
 
 NAMES = ("common/beetle.obj", "common/cheburashka.obj", "common/stanford-bunny.obj", "common/suzanne.obj",
@@ -38,10 +38,10 @@ def test_the_list_of_models_is_complete(models):
 def run_model(name, models, folder, *exact):
     """Run the reference, a shadow map and exact methods on a model; returns the accuracy of each."""
     (folder / "scene.yaml").write_text(scene_text(models / name))
-    code = commands.run(["test"], scenes=(str(folder / "scene.yaml"),),
-                        specs=("reference", "shadow_map[resolution=256]", *exact), overrides=(), frames=None, size=None,
-                        repeats=1, threads=2, out=folder / "out", only=None, quick=False, dry_run=False,
-                        keep_going=True)
+    code = run(["test"], scenes=(str(folder / "scene.yaml"),),
+               specs=("reference", "shadow_map[resolution=256]", *exact), overrides=(), frames=None, size=None, repeats=1,
+               threads=2, timeout=None, out=folder / "out", only=None, quick=False, resume=False, dry_run=False,
+               keep_going=True)
     assert code == 0
     lines = [json.loads(line) for line in (folder / "out" / "results.jsonl").read_text().splitlines()]
     assert [line["status"] for line in lines] == ["done"] * (2 + len(exact))

@@ -154,7 +154,7 @@ def run_in_words(case, method, folder, **params):
     options = RunOptions((0,), only=frozenset({"counts"}))
     run = RunFolder(folder / "run", describe(scene, options, ["shadowbench"]), len(cells))
     with Progress(len(cells), quiet=True) as progress:
-        result = Runner(scene, 0.0, cells, options, run, progress).run()
+        result = Runner(scene, 0.0, cells, options, run, progress).run([cell.key for cell in cells])
     return summary(result.cells), html.unescape((folder / "run" / "report.html").read_text()), result
 
 
