@@ -229,12 +229,18 @@ def test_unwritable_output_is_told_before_anything_is_computed(tmp_path):
 def test_interrupt_keeps_what_was_finished(tmp_path):
     command = [sys.executable, "-m", "shadowbench", "run", "plane_box", "-a", "reference", "-a", "shadow_map",
                "-D", "frames=500", "--size", "64x48", "--out", "out"]
-    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    for line in process.stderr:
-        if line.startswith("[5/1000]"):
-            process.send_signal(signal.SIGINT)
-            break
-    output, errors = process.communicate(timeout=120)
+    # Where the tests run in the background, SIGINT is ignored, and so it would be here
+    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+                               preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
+    try:
+        for line in process.stderr:
+            if line.startswith("[5/1000]"):
+                process.send_signal(signal.SIGINT)
+                break
+        output, errors = process.communicate(timeout=120)
+    finally:
+        process.kill()
+        process.wait()
     assert process.returncode == 130 and "Traceback" not in errors
     document = json.loads((tmp_path / "out" / "run.json").read_text())
     lines = (tmp_path / "out" / "results.jsonl").read_text().splitlines()
