@@ -226,6 +226,22 @@ def reproduce(what: str, quick: bool, out: Path) -> None:
     sys.exit(command.reproduce(chosen, quick, out))
 
 
+@cli.command()
+@click.argument("runs", metavar="RUN...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE",
+              help="File to write. Default: report.html in the run folder, or in the current one for several runs.")
+@with_plugins
+def report(runs: tuple[Path, ...], output: Path | None) -> None:
+    """Make one offline HTML file about runs: correctness, counts, times, pictures, failures, raw data.
+
+    RUN is a run folder. Where the pictures of all frames take more than 20 MB, a zip file is written instead; unpack it and
+    open its report.html.
+    """
+    from shadowbench.report.command import report as command
+
+    click.echo(command(runs, output))
+
+
 @cli.command("list")
 @click.argument("kind", type=click.Choice(["algorithms", "scenes", "counters"]))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")

@@ -20,6 +20,7 @@ from shadowbench.config import resolved_yaml
 from shadowbench.errors import InputError
 from shadowbench.plugins import plugin_files, plugin_names
 from shadowbench.progress import Progress
+from shadowbench.report.html import write_report
 from shadowbench.report.table import format_table, summary
 from shadowbench.results import (
     RunFolder,
@@ -169,6 +170,7 @@ def _run_cells(scene: Scene, load_seconds: float, decisions: list[Decision], opt
             progress.note(f"{scene.name}: {len(cells)} cells, {options.threads} thread(s)")
             runner = Runner(scene, load_seconds, cells, options, folder, progress)
             result = runner.run([decision.cell.key for decision in decisions], plugin_files())
+            write_report(folder)
     except RunFolderError as error:
         click.echo(f"error: {error}", err=True)
         return EXIT_SOME_FAILED
