@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import jinja2
 import numpy as np
@@ -30,7 +31,8 @@ STYLES = ("page.css", "tables.css", "viewer.css", "print.css")
 ASSETS = Path(__file__).parent / "assets"
 
 
-class Pictures(NamedTuple):
+@dataclass(frozen=True)
+class Pictures:
     """The pictures of a report, as far as they are in the file.
 
     Attributes

@@ -12,8 +12,9 @@ import base64
 import hashlib
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +34,8 @@ BACKGROUND, UNLIT, CANDIDATE = 0, 1, 2
 Pixels = NDArray[np.uint8]
 
 
-class Chunk(NamedTuple):
+@dataclass(frozen=True)
+class Chunk:
     """The pictures of one frame of one run as JSON text.
 
     Attributes

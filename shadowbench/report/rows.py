@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from shadowbench.counters import ALL_COUNTERS
 from shadowbench.report import commands
@@ -13,7 +13,8 @@ from shadowbench.report.summary import MethodSummary, median_ms, memory_held, wr
 from shadowbench.results import CellResult
 
 
-class Column(NamedTuple):
+@dataclass(frozen=True)
+class Column:
     """A column of the table of all measurements.
 
     Attributes
@@ -27,7 +28,8 @@ class Column(NamedTuple):
     shown: bool = True
 
 
-class Entry(NamedTuple):
+@dataclass(frozen=True)
+class Entry:
     """A cell of a table.
 
     Attributes
@@ -40,7 +42,8 @@ class Entry(NamedTuple):
     value: float | str = ""
 
 
-class Row(NamedTuple):
+@dataclass(frozen=True)
+class Row:
     """A row of the table of all measurements."""
 
     series: Series
@@ -49,7 +52,8 @@ class Row(NamedTuple):
     entries: list[Entry]
 
 
-class Failure(NamedTuple):
+@dataclass(frozen=True)
+class Failure:
     """Something that went wrong, and the command that shows it again.
 
     Attributes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,7 +12,8 @@ from shadowbench.report.gather import Series
 from shadowbench.results import CellResult
 
 
-class MethodSummary(NamedTuple):
+@dataclass(frozen=True)
+class MethodSummary:
     """One method over all its frames. Means are per frame; None where nothing was measured.
 
     Attributes
@@ -102,7 +103,7 @@ def sentences(methods: Sequence[MethodSummary]) -> list[str]:
                     f"answer on every sample whose answer is certain.")
     if wrong:
         told.append("Wrong samples: " + "; ".join(
-            f"{m.series.title} {m.wrong:,} of {m.candidates:,} ({100.0 * (m.wrong or 0) / max(m.candidates, 1):.2g} %)"
+            f"{m.series.title} {m.wrong:,} of {m.candidates:,} ({100.0 * (m.wrong or 0) / max(m.candidates, 1):.2g}\u00a0%)"
             for m in wrong) + ".")
     timed = [m for m in right if m.milliseconds is not None]
     if len(timed) > 1:

@@ -1,6 +1,6 @@
 // The magnifier: both pictures around one pixel, and what is known of it.
 
-const loupe = { x: 0, y: 0, held: false };
+const loupe = { x: null, y: null, held: false };
 
 function startLoupe() {
   const stage = $("stage");
@@ -14,8 +14,6 @@ function startLoupe() {
   stage.addEventListener("keydown", moveByKey);
   $("zoom").addEventListener("change", showLoupe);
   addEventListener("resize", showLoupe);
-  loupe.x = Math.floor(($("canvas-a").width || 0) / 2);
-  loupe.y = Math.floor(($("canvas-a").height || 0) / 2);
 }
 
 function hold(held) {
@@ -52,6 +50,8 @@ function moveByKey(event) {
 function showLoupe() {
   const { a, b } = view.painted;
   if (!a && !b) return;
+  loupe.x ??= Math.floor($("canvas-a").width / 2);
+  loupe.y ??= Math.floor($("canvas-a").height / 2);
   const zoom = Number($("zoom").value);
   for (const side of ["a", "b"]) enlarge(side, zoom);
   placeCursor(zoom);
@@ -61,7 +61,8 @@ function showLoupe() {
     line("shadow", a, b, (m, i) => (m.kind[i] === 2 ? (m.shadow[i] / 255).toFixed(2).replace(/\.00$/, "") : "–")),
     line("answer", a, b, (m, i) => ERRORS[m.error[i]]),
     line("tests", a, b, (m, i) => (m.tests ? thousands(m.tests[i]) : "–")));
-  const series = DATA.series[view.a.series];
+  const side = view.b.kind === "heat" && view.a.kind !== "heat" ? "b" : "a";
+  const series = DATA.series[view[side].series];
   $("explain").textContent = `${DATA.runs[series.run].explain} --algorithm '${series.spec}' --frame ${chosen.frame} --pixel ${loupe.x},${loupe.y}`;
 }
 

@@ -14,7 +14,7 @@ function startViewer() {
   }
   view.a.series = choices[0];
   view.b.series = choices[Math.min(1, choices.length - 1)];
-  if (choices.length === 1) view.b.kind = "shadow";
+  view.b.kind = "heat";
   Object.assign($("frame"), { max: FRAMES.length - 1 });
   $("frame").addEventListener("input", () => setFrame(FRAMES[$("frame").value]));
   $("play").addEventListener("click", togglePlay);
@@ -133,6 +133,7 @@ function put(side, image, title) {
     return;
   }
   Object.assign(canvas, { width: image.width, height: image.height });
+  $("stage").style.setProperty("--aspect", image.width / image.height);
   canvas.getContext("2d").putImageData(image, 0, 0);
 }
 

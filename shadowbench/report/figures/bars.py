@@ -42,10 +42,10 @@ def stage_bars(series: Sequence[Series]) -> Markup | None:
 def _row(series: Series, stages: dict[str, float], x: svg.Scale, top: float) -> str:
     """One method: its name with its stages in words, and below it the bar."""
     total = sum(stages.values())
-    words = " · ".join(f"{name} {ms:.2f}" for name, ms in stages.items())
+    words = f"{total:.1f} ms: " + " · ".join(f"{name} {ms:.2f}" for name, ms in stages.items())
     parts = [f'<g data-series="{series.index}">',
              f'<text x="{x.start:.1f}" y="{top + 10:.1f}"><tspan class="label s{series.index % svg.N_COLORS}">'
-             f'{escape(series.title)}</tspan><tspan class="tick" dx="10">{escape(f"{total:.1f} ms: {words}")}</tspan></text>']
+             f'{escape(series.title)}</tspan><tspan class="tick" dx="10">{escape(words)}</tspan></text>']
     at = 0.0
     for n, (name, ms) in enumerate(stages.items()):
         start, end = x(at), x(at + ms)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from markupsafe import Markup
 
@@ -13,7 +13,8 @@ from shadowbench.report.summary import MethodSummary, median_ms, wrong_samples
 from shadowbench.results import CellResult
 
 
-class Measure(NamedTuple):
+@dataclass(frozen=True)
+class Measure:
     """Something that every cell has a value of.
 
     Attributes
@@ -37,6 +38,10 @@ MEASURES = (Measure("test_and_set", "test_and_set, operations", _count("test_and
             Measure("all_work", "all_work, operations", _count("all_work")),
             Measure("time", "median time, ms", median_ms),
             Measure("wrong", "wrong samples", wrong_samples, zero=True))
+
+
+LETTER = 7.4
+"""Width of a letter of a point's name, in pixels, on the wide side."""
 
 
 def fly_through(series: Sequence[Series]) -> list[Markup]:
@@ -86,7 +91,7 @@ def _scatter(methods: Sequence[MethodSummary], name: str, title: str,
     x = svg.fit("log", [c for _, c, _ in points], box.left + 10, box.right - 10)
     y = svg.fit("symlog", [max(w, 1.0) if w else 0.0 for _, _, w in points], box.bottom - 12, box.top)
     parts = [*svg.y_axis(box, y, "wrong samples per frame"), *svg.x_axis(box, x, title)]
-    taken: list[tuple[float, float]] = []
+    taken = [(x(c) - 6, x(c) + 6, y(max(w, 1.0) if w else 0.0) + 4) for _, c, w in points]
     for m, c, w in points:
         at_x, at_y = x(c), y(max(w, 1.0) if w else 0.0)
         parts.append(svg.marker(m.series.index, at_x, at_y, f"{m.series.title}: {c:,.6g}, {w:,.6g} wrong samples per frame"))
@@ -94,14 +99,14 @@ def _scatter(methods: Sequence[MethodSummary], name: str, title: str,
     return svg.figure(f"wrong-against-{name}", f"Wrong samples against {title}", 560, 300, parts)
 
 
-def _label(series: Series, x: float, y: float, taken: list[tuple[float, float]], box: svg.Box) -> str:
+def _label(series: Series, x: float, y: float, taken: list[tuple[float, float, float]], box: svg.Box) -> str:
     """Name a point beside it, moved up until it covers no other name."""
     words = series.title if len(series.title) <= 28 else series.title[:27] + "…"
-    width, left = 6.0 * len(words), x > (box.left + box.right) / 2
+    width, left = LETTER * len(words), x > (box.left + box.right) / 2
     start = x - 9 - width if left else x + 9
     at = y + 4
-    while any(abs(at - other_y) < 13 and start < other_x + 170 and other_x < start + width for other_x, other_y in taken):
+    while any(abs(at - y_taken) < 13 and start < right and left_end < start + width for left_end, right, y_taken in taken):
         at -= 13
-    taken.append((start, at))
+    taken.append((start, start + width, at))
     return (f'<g data-series="{series.index}">' + svg.text(x - 9 if left else x + 9, at, words, "end" if left else "start",
                                                           f"label s{series.index % svg.N_COLORS}") + "</g>")

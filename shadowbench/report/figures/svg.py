@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from markupsafe import Markup, escape
 
@@ -16,7 +16,8 @@ MARKERS = ("M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0Z", "M-3.6,-3.6h7.2v7.2h-7.2Z", "M
            "M-4,-4L4,4M4,-4L-4,4", "M-5,0H5M0,-5V5", "M0,4.8L4.6,-3.4H-4.6Z")
 
 
-class Box(NamedTuple):
+@dataclass(frozen=True)
+class Box:
     """The area that the axes enclose, in pixels of the figure."""
 
     left: float
@@ -25,7 +26,8 @@ class Box(NamedTuple):
     bottom: float
 
 
-class Scale(NamedTuple):
+@dataclass(frozen=True)
+class Scale:
     """Maps values to a range of pixels.
 
     Attributes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from markupsafe import Markup
 
@@ -16,7 +16,8 @@ LEVEL_COUNT = "node_tests"
 TRIANGLE_COUNT = "test_and_set"
 
 
-class TriangleSum(NamedTuple):
+@dataclass(frozen=True)
+class TriangleSum:
     """Work of the triangles of all frames of a method, in classes by powers of two.
 
     Attributes
@@ -103,7 +104,8 @@ def _lines(series: Sequence[Series], curves: dict[int, list[tuple[int, float]]],
     if not any(curves.values()):
         return None
     box = svg.Box(58, 30, 548, 230)
-    y = svg.fit("symlog", [value for curve in curves.values() for _, value in curve], box.bottom, box.top)
+    values = [value for curve in curves.values() for _, value in curve]
+    y = svg.fit("log" if min(values) >= 1.0 else "symlog", values, box.bottom, box.top)
     x = svg.Scale("linear", 0, max(len(names) - 1, 1), box.left + 16, box.right - 16)
     parts = svg.y_axis(box, y, title)
     step = max(1, -(-len(names) // 8))
