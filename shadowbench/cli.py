@@ -242,6 +242,21 @@ def report(runs: tuple[Path, ...], output: Path | None) -> None:
     click.echo(command(runs, output))
 
 
+@cli.command()
+@click.argument("run_a", type=click.Path(path_type=Path))
+@click.argument("run_b", type=click.Path(path_type=Path))
+@click.option("--format", "style", type=click.Choice(["table", "md", "csv"]), default="table", show_default=True,
+              help="Aligned text, Markdown, or every value as CSV.")
+def compare(run_a: Path, run_b: Path, style: str) -> None:
+    """Compare two runs: counts, times with their spread, accuracy, pictures.
+
+    Says which differences of time are noise. Ends with exit code 5 if the runs have nothing in common.
+    """
+    from shadowbench.compare.command import compare as command
+
+    sys.exit(command(run_a, run_b, style))
+
+
 @cli.command("list")
 @click.argument("kind", type=click.Choice(["algorithms", "scenes", "counters"]))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
