@@ -12,6 +12,7 @@ help:
 	@echo "make test-browser  the report in headless Chromium, where there is one"
 	@echo "make check         operation counts against results/counts.lock"
 	@echo "make bench         the performance bars, printed as ratios"
+	@echo "make docs          the generated pages of the manual"
 	@echo "make lint          style, types and import rules"
 
 .venv/installed: pyproject.toml
@@ -52,6 +53,9 @@ lint: .venv/installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+docs: .venv/installed-dev
+	$(BIN)/python docs/make_pages.py
 
 clean:
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -336,11 +336,13 @@ def schema(kind: str) -> None:
 
 @cli.command()
 @click.argument("name", default="scene", type=SceneArgument())
-def init(name: str) -> None:
+@click.option("--mesh", type=click.Path(path_type=Path), metavar="FILE",
+              help="A mesh of your own: the scene shows it, with a camera and a light around it.")
+def init(name: str, mesh: Path | None) -> None:
     """Write a commented scene file, NAME.yaml, to start from."""
     from shadowbench import commands
 
-    file = commands.write_template(name)
+    file = commands.write_template(name, mesh)
     click.echo(file)
     click.echo(f"Next: edit it, then `shadowbench run {file}`", err=True)
 

@@ -80,7 +80,7 @@ def test_bad_input_is_told(tmp_path, arguments, words):
 
 
 def test_unsupported_methods_lose_no_others(tmp_path):
-    results = sb.run("fuzzy", ["z_pass", "ptsv"], size=(16, 12), overrides=["geometry.0.triangles=200"], pictures=False,
+    results = sb.run("fuzzy", ["z_pass", "ptsv"], size=(16, 12), overrides=["geometry.0.triangles=1000"], pictures=False,
                      timings=False, out=tmp_path / "run")
     assert {cell.status for cell in results.cells} <= {"done", "unsupported"} and results.cell("ptsv").status == "done"
 

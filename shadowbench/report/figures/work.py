@@ -39,8 +39,8 @@ class TriangleSum:
             if 2 * work >= total:
                 break
         if not total:
-            return "no triangle causes any"
-        return f"{100 * n / n_triangles:.2g} % of the triangles cause {100 * work / total:.0f} % of it"
+            return "no triangle causes any test"
+        return f"{100 * n / n_triangles:.2g} % of the triangles cause {100 * work / total:.0f} % of its tests"
 
 
 def triangle_sum(series: Series) -> TriangleSum | None:
@@ -62,10 +62,8 @@ def triangle_sum(series: Series) -> TriangleSum | None:
 
 
 def class_name(number: int) -> str:
-    """The counts of a class: 0, 1, 2–3, 4–7."""
-    if number < 2:
-        return str(number)
-    return f"{svg.short(2 ** (number - 1))}–{svg.short(2**number - 1)}"
+    """The least count of a class: 0, 1, 2, 4, 8."""
+    return svg.short(2 ** (number - 1)) if number else "0"
 
 
 def levels_of(series: Series) -> dict[str, list[float]]:
@@ -92,9 +90,10 @@ def by_triangle(series: Sequence[Series]) -> list[Markup]:
     sums = {s.index: total for s in series if (total := triangle_sum(s)) is not None}
     names = [class_name(i) for i in range(max((len(t.work) for t in sums.values()), default=0))]
     figures = (_lines(series, {i: list(enumerate(map(float, t.triangles))) for i, t in sums.items()}, "triangles",
-                      "triangles, all frames", "tests that a triangle causes in a frame", names),
+                      "triangles, all frames", "tests that a triangle causes in a frame, at least", names),
                _lines(series, {i: list(enumerate(map(float, t.work))) for i, t in sums.items()}, "triangle-work",
-                      "tests caused by these triangles, all frames", "tests that a triangle causes in a frame", names))
+                      "tests caused by these triangles, all frames", "tests that a triangle causes in a frame, at least",
+                      names))
     return [figure for figure in figures if figure is not None]
 
 
