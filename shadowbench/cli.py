@@ -257,6 +257,46 @@ def compare(run_a: Path, run_b: Path, style: str) -> None:
     sys.exit(command(run_a, run_b, style))
 
 
+class PixelArgument(click.ParamType):
+    """``X,Y``, from the top left."""
+
+    name = "X,Y"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        """Turn ``160,120`` into two numbers."""
+        if isinstance(value, tuple):
+            return value
+        x, comma, y = value.partition(",")
+        if not (comma and x.strip().isdecimal() and y.strip().isdecimal()):
+            self.fail(f"{value!r} is no pixel: write X,Y, counted from 0 at the top left", param, ctx)
+        return int(x), int(y)
+
+
+@cli.command()
+@click.argument("scene", type=SceneArgument())
+@click.option("-a", "--algorithm", "spec", required=True, type=AlgorithmArgument(),
+              help="Method, such as 'ptsv[branching=8]'.")
+@click.option("--pixel", type=PixelArgument(), help="Pixel to explain, from 0,0 at the top left.")
+@click.option("--triangle", type=click.IntRange(0), help="Triangle to explain, by its number in the scene's mesh.")
+@click.option("--frame", type=click.IntRange(0), default=0, show_default=True, help="Frame.")
+@click.option("-D", "--define", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scene file.")
+@click.option("--size", type=ImageSizeArgument(), help="Image size, overriding the scene file's.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE",
+              help="Page with the picture. Default: explain-pixel-X,Y.html or explain-triangle-T.html.")
+@click.option("--all", "everything", is_flag=True, help="List also the tests that the heat map books on other samples.")
+@with_plugins
+def explain(scene: str, spec: str, pixel: tuple[int, int] | None, triangle: int | None, frame: int,
+            overrides: tuple[str, ...], size: tuple[int, int] | None, output: Path | None, everything: bool) -> None:
+    """List every test that touched a pixel, or that a triangle caused, with its outcome.
+
+    As many tests are numbered as the method's heat map says at that pixel. Also writes a page with the picture of the nodes,
+    cells or faces that were walked.
+    """
+    from shadowbench.explain.command import explain as command
+
+    command(scene, spec, pixel, triangle, frame=frame, overrides=overrides, size=size, output=output, everything=everything)
+
+
 @cli.command("list")
 @click.argument("kind", type=click.Choice(["algorithms", "scenes", "counters"]))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")

@@ -15,9 +15,9 @@ from shadowbench.geometry import Frame
 from shadowbench.kernels.cluster_keys import TILE, TILE_SAMPLES
 from shadowbench.kernels.lanes import LANES
 
-NOTE = ("Tests of a node's children are shared evenly by the samples that the node holds, those of a whole tile by the samples "
-        "of the tile, so that the heat map adds up to all tests. Numbered tests are those with which the rounded sum of the "
-        "shares reaches the next number; the last number is the heat map's value.")
+NOTE = ("Tests of a node's children are shared evenly by the samples that the node holds, those of a whole tile by the "
+        "samples of the tile, so that the heat map adds up to all tests. Numbered tests are those with which the rounded sum "
+        "of the shares reaches the next number; the last number is the heat map's value.")
 
 
 @dataclass(frozen=True)

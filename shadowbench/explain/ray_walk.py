@@ -17,8 +17,8 @@ from shadowbench.kernels.shadow_rays import FAR_ROUNDING, MARGIN, make_shadow_ra
 SMALLEST = 2.0**-40
 """Components of a direction below this are set to it, as the kernel does."""
 
-NOTE = ("A test of the ray against a triangle of a leaf counts as one, and the heat map counts these alone; the cells that the "
-        "ray meets are listed without a number. With restarts the kernel meets cells again: they are listed once.")
+NOTE = ("A test of the ray against a triangle of a leaf counts as one, and the heat map counts these alone; the cells that "
+        "the ray meets are listed without a number. With restarts the kernel meets cells again: they are listed once.")
 
 
 class RayWalk:

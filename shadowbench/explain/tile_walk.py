@@ -15,8 +15,8 @@ from shadowbench.geometry import Frame
 from shadowbench.kernels.depth_hierarchy import build_tile_tree
 
 NOTE = ("Tests of a tile's children are shared evenly by the samples that the tile covers, so that the heat map adds up to "
-        "all tests; a share is one test divided by the tile's samples, times its children. Numbered tests are those with which "
-        "the rounded sum of the shares reaches the next number; the last number is the heat map's value.")
+        "all tests; a share is one test divided by the tile's samples, times its children. Numbered tests are those with "
+        "which the rounded sum of the shares reaches the next number; the last number is the heat map's value.")
 
 
 @dataclass(eq=False)

@@ -65,6 +65,7 @@ class Trace:
     value: int = 0
     shapes: list[Shape] = field(default_factory=list)
     note: str = ""
+    _places: dict[Shape, int] = field(default_factory=dict, repr=False)
 
     def add(self, test: Test) -> None:
         """Append a test.
@@ -80,9 +81,10 @@ class Trace:
 
     def add_shape(self, shape: Shape) -> int:
         """Keep a shape once; return its number."""
-        if shape not in self.shapes:
+        if shape not in self._places:
+            self._places[shape] = len(self.shapes)
             self.shapes.append(shape)
-        return self.shapes.index(shape)
+        return self._places[shape]
 
     def numbers(self) -> list[int]:
         """Number the tests that are booked: 1, 2 and so on up to `value`; 0 for the others.
