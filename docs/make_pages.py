@@ -42,8 +42,9 @@ matrix: {shadow_map.pcf: [1, 3]}
 """A scene file that uses most sections; a test checks it."""
 
 SECTIONS = {"SceneConfig": "The file", "MeshEntry": "Geometry from a mesh",
-            "GenerateEntry": "Geometry from a built-in scene", "MaterialConfig": "Material", "Animation": "Animate", "PoseKey": "Pose", "CameraConfig": "Camera",
-            "CameraKey": "Camera key frame", "LightConfig": "Light", "ImageConfig": "Image"}
+            "GenerateEntry": "Geometry from a built-in scene", "MaterialConfig": "Material", "Animation": "Animate",
+            "PoseKey": "Pose", "CameraConfig": "Camera", "CameraKey": "Camera key frame", "LightConfig": "Light",
+            "ImageConfig": "Image"}
 """Titles of the sections of a scene file by model, in the order of their page."""
 
 

@@ -79,12 +79,6 @@ def test_bad_input_is_told(tmp_path, arguments, words):
     assert not (tmp_path / "run").exists()
 
 
-def test_unsupported_methods_lose_no_others(tmp_path):
-    results = sb.run("fuzzy", ["z_pass", "ptsv"], size=(16, 12), overrides=["geometry.0.triangles=1000"], pictures=False,
-                     timings=False, out=tmp_path / "run")
-    assert {cell.status for cell in results.cells} <= {"done", "unsupported"} and results.cell("ptsv").status == "done"
-
-
 def test_names_of_the_package():
     assert {"run", "load", "Results"} <= set(dir(sb))
     with pytest.raises(AttributeError, match="no attribute 'walk'"):

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.algorithms.cluster import Cluster
-from shadowbench.explain.frusta import ACCEPTED, INSIDE, REFINED, FrustumTests, box_outcome, sample_outcome
+from shadowbench.explain.frusta import ACCEPTED, INSIDE, REFINED, Batch, FrustumTests, box_outcome, sample_outcome
 from shadowbench.explain.trace import Shape, Test, Trace
 from shadowbench.geometry import Frame
 from shadowbench.kernels.cluster_keys import TILE, TILE_SAMPLES
 from shadowbench.kernels.lanes import LANES
 
 NOTE = ("Tests of a node's children are shared evenly by the samples that the node holds, those of a whole tile by the "
-        "samples of the tile, so that the heat map adds up to all tests. Numbered tests are those with which the rounded sum "
-        "of the shares reaches the next number; the last number is the heat map's value.")
+        "samples of the tile, so that the heat map adds up to all tests. Numbered tests are those with which the rounded "
+        "sum of the shares reaches the next number; the last number is the heat map's value.")
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Visit:
     k: int
     node: int
     open: NDArray[np.bool_]
-    codes: NDArray[np.int64]
+    codes: NDArray[np.int8]
 
 
 class ClusterWalk:
@@ -91,8 +91,7 @@ class ClusterWalk:
         while waiting:
             node, frusta = waiting.pop()
             children = self.children(node)
-            low, high = self.boxes(children)
-            codes = np.stack([self.tests.boxes(frusta, low[[i]], high[[i]]) for i in range(len(children))], axis=1)
+            codes = self.tests.boxes(frusta, *self.boxes(children)).codes
             if node in wanted or only is not None:
                 everything = np.ones(len(children), np.bool_)
                 visits += [Visit(int(k), node, everything, codes[i]) for i, k in enumerate(frusta)
@@ -115,15 +114,20 @@ class ClusterWalk:
                 return
             node = int(self.nodes.parent[node]) if node else -1
         is_open: dict[int, NDArray[np.bool_]] = {}
+        batches = {top: self._batch(top, np.array(frusta, np.int64))}
         for k in frusta:
             stack = [top]
             while stack:
                 node = stack.pop()
                 before = is_open.setdefault(node, self._all_open(node))
-                yield (visit := self._visit(k, node, before.copy()))
+                yield (visit := Visit(k, node, before.copy(), batches[node].of(k)))
                 if node < self.n_inner:
                     closed = visit.open & (visit.codes == ACCEPTED)
-                    stack += self.children(node)[visit.open & (visit.codes == REFINED)].tolist()
+                    for lane in np.flatnonzero(visit.open & (visit.codes == REFINED)).tolist():
+                        child = int(self.nodes.first_child[node]) + lane
+                        if child not in batches:
+                            batches[child] = self._batch(child, batches[node].refined(lane))
+                        stack.append(child)
                 else:
                     closed = visit.open & (visit.codes <= INSIDE)
                 if skip and closed.any():
@@ -155,13 +159,13 @@ class ClusterWalk:
             is_open[parent] = is_open[parent] & (self.children(parent) != node)
             node = parent
 
-    def _visit(self, k: int, node: int, is_open: NDArray[np.bool_]) -> Visit:
+    def _batch(self, node: int, frusta: NDArray[np.int64]) -> Batch:
+        """Test what is in a node against all frusta that may come."""
         if node < self.n_inner:
-            return Visit(k, node, is_open, self.tests.boxes(k, *self.boxes(self.children(node))))
+            return self.tests.boxes(frusta, *self.boxes(self.children(node)))
         places = self.tile_places(node)
-        depth = np.where(is_open, self.samples.depth[places], 1.0)
-        x, y = self.samples.plane_x[places], self.samples.plane_y[places]
-        return Visit(k, node, is_open, self.tests.samples(k, x, y, depth))
+        depth = np.where(self._all_open(node), self.samples.depth[places], 1.0)
+        return self.tests.samples(frusta, self.samples.plane_x[places], self.samples.plane_y[places], depth)
 
     def n_tests(self, visit: Visit) -> int:
         """Tests that a visit counts: children that are open; for a whole tile, all of its places."""
@@ -175,7 +179,7 @@ class ClusterWalk:
         (x0, x1), (y0, y1) = (columns + (-0.5, 0.5)).tolist(), (rows + (-0.5, 0.5)).tolist()
         css = {ACCEPTED: "accept", REFINED: "refine"}.get(code, "reject")
         kind = "node" if node < self.n_inner else "cluster"
-        depths = f"{1 / high[0, 2]:.4g} to {1 / low[0, 2]:.4g}" if low[0, 2] > 0 else f"from {1 / high[0, 2]:.4g} on"
+        depths = f"{1 / high[0, 2]:.4g} to {1 / low[0, 2]:.4g}" if low[0, 2] > 1e-30 else f"from {1 / high[0, 2]:.4g} on"
         return Shape(((x0, y0), (x1, y0), (x1, y1), (x0, y1)), css,
                      f"{kind} {node} of level {self.level(node)}, depth {depths}")
 

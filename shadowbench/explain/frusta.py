@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ INSIDE, INSIDE_BY_FLOAT64 = -1, -2
 """Outcomes of a sample's test; from 0 up, the row that it lies outside of."""
 
 LIMIT = np.float32(UNDECIDED)
+
+AT_ONCE = 1024
+"""Frusta whose values are held in memory together."""
 
 
 def row_name(row: int) -> str:
@@ -42,6 +45,29 @@ def sample_outcome(code: int) -> str:
     return "IN SHADOW, decided in float64" if code == INSIDE_BY_FLOAT64 else f"lit: outside {row_name(code)}"
 
 
+@dataclass(frozen=True)
+class Batch:
+    """Outcomes of tests that do not depend on what was found before, made at once.
+
+    Attributes
+    ----------
+    frusta : int64 (n,), increasing.
+    codes : int8 (n, n_boxes or n_samples).
+    """
+
+    frusta: NDArray[np.int64]
+    codes: NDArray[np.int8]
+
+    def of(self, k: int) -> NDArray[np.int8]:
+        """Outcomes of one of the frusta."""
+        found: NDArray[np.int8] = self.codes[int(np.searchsorted(self.frusta, k))]
+        return found
+
+    def refined(self, lane: int) -> NDArray[np.int64]:
+        """Frusta that go on into a box."""
+        return self.frusta[self.codes[:, lane] == REFINED]
+
+
 class FrustumTests:
     """Tests against the frusta of a frame.
 
@@ -60,44 +86,44 @@ class FrustumTests:
         self.order = np.array([*eye, *wedge, *range(WEDGE_ROW)])     # as the kernels test them
         self.own = self.order < WEDGE_ROW
 
-    def boxes(self, k: Any, low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.int64]:
-        """Test boxes against a frustum, or a box against frusta.
+    def boxes(self, frusta: NDArray[np.int64], low: NDArray[np.float32], high: NDArray[np.float32]) -> Batch:
+        """Test boxes against frusta, all against all: `ACCEPTED`, `REFINED` or the row that rejects.
 
         Parameters
         ----------
-        k : one frustum and n boxes, or n frusta and one box.
-        low, high : float32 (n or 1, 3), the boxes' corners in proj space.
-
-        Returns
-        -------
-        int64 (n,): `ACCEPTED`, `REFINED` or the row that rejects.
+        frusta : int64 (n,), increasing.
+        low, high : float32 (n_boxes, 3), the boxes' corners in proj space.
         """
-        rows = self.rows[k][..., self.order, :].reshape(-1, len(self.order), 4)
-        a, b, c, d = np.moveaxis(rows, -1, 0)
-        reject, accept = ((a * near[0] + (b * near[1] + d)) + c * near[2] for near in (
-            [np.where(row < 0, one[:, None, axis], other[:, None, axis]) for axis, row in enumerate((a, b, c))]
-            for one, other in ((high, low), (low, high))))
-        outside = reject > LIMIT
-        inside = np.all(accept[:, self.own] < -LIMIT, axis=1)
-        first = self.order[np.argmax(outside, axis=1)]
-        return np.where(outside.any(axis=1), first, np.where(inside, ACCEPTED, REFINED))
+        codes = np.empty((len(frusta), len(low)), np.int8)
+        for start in range(0, len(frusta), AT_ONCE):
+            rows = self.rows[frusta[start:start + AT_ONCE]][:, self.order]
+            a, b, c, d = (rows[..., [i]] for i in range(4))
+            near = [np.where(row < 0, high[:, axis], low[:, axis]) for axis, row in enumerate((a, b, c))]
+            outside = (a * near[0] + (b * near[1] + d)) + c * near[2] > LIMIT
+            a, b, c, d = (rows[:, self.own][..., [i]] for i in range(4))
+            far = [np.where(row < 0, low[:, axis], high[:, axis]) for axis, row in enumerate((a, b, c))]
+            inside = np.all((a * far[0] + (b * far[1] + d)) + c * far[2] < -LIMIT, axis=1)
+            first = self.order[np.argmax(outside, axis=1)]
+            codes[start:start + AT_ONCE] = np.where(outside.any(axis=1), first, np.where(inside, ACCEPTED, REFINED))
+        return Batch(frusta, codes)
 
-    def samples(self, k: int, x: NDArray[np.float64], y: NDArray[np.float64], depth: NDArray[np.float64]
-                ) -> NDArray[np.int64]:
-        """Test samples against a frustum: `INSIDE`, `INSIDE_BY_FLOAT64` or the row that it lies outside of; int64 (n,).
+    def samples(self, frusta: NDArray[np.int64], x: NDArray[np.float64], y: NDArray[np.float64], depth: NDArray[np.float64]
+                ) -> Batch:
+        """Test samples against frusta, all against all: `INSIDE`, `INSIDE_BY_FLOAT64` or the row that it lies outside of.
 
         Parameters
         ----------
-        x, y, depth : float64 (n,), on the image plane, and along the view.
+        frusta : int64 (n,), increasing.
+        x, y, depth : float64 (n_samples,), on the image plane, and along the view.
         """
-        a, b, c, d = self.rows[k, :WEDGE_ROW, :, None].transpose(1, 0, 2)
+        a, b, c, d = (self.rows[frusta][:, :WEDGE_ROW, [i]] for i in range(4))
         r = np.float32(1.0) / depth.astype(np.float32)
         value = (a * x.astype(np.float32) + (b * y.astype(np.float32) + d)) + c * r
-        codes = np.where((value > LIMIT).any(axis=0), np.argmax(value > LIMIT, axis=0), INSIDE)
-        unsure = (codes == INSIDE) & ~(value < -LIMIT).all(axis=0)
-        a, b, c, d = self.exact_rows[k, :, :, None].transpose(1, 0, 2)
+        codes = np.where((value > LIMIT).any(axis=1), np.argmax(value > LIMIT, axis=1), INSIDE)
+        unsure = (codes == INSIDE) & ~(value < -LIMIT).all(axis=1)
+        a, b, c, d = (self.exact_rows[frusta][:, :, [i]] for i in range(4))
         exact = (a * x + (b * y + d)) + c * (1.0 / depth)
         outside = exact > 0
-        outside[CAP_ROW] = exact[CAP_ROW] >= 0
-        decided = np.where(outside.any(axis=0), np.argmax(outside, axis=0), INSIDE_BY_FLOAT64)
-        return np.where(unsure, decided, codes)
+        outside[:, CAP_ROW] = exact[:, CAP_ROW] >= 0
+        decided = np.where(outside.any(axis=1), np.argmax(outside, axis=1), INSIDE_BY_FLOAT64)
+        return Batch(frusta, np.where(unsure, decided, codes).astype(np.int8))

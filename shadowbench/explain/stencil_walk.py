@@ -194,7 +194,8 @@ def explain_triangle(algorithm: StencilAlgorithm, frame: Frame, triangle: int) -
         trace.add_shape(_shape(volumes, face, frame))
     kept = np.concatenate([[0], np.cumsum(own)])
     target = stencil_volumes.empty_stencil(frame.samples)
-    counts = StencilCounts(*(np.zeros(target.stencil.shape, np.int64) for _ in range(3)), np.zeros(int(own.sum()), np.int64))
+    fragments, depth_tests, updates = np.zeros((3, *target.stencil.shape), np.int64)
+    counts = StencilCounts(fragments, depth_tests, updates, np.zeros(int(own.sum()), np.int64))
     draw_faces(volumes.view, volumes.faces, Bins(kept[bins.offset], bins.face[own]), volumes.z_fail, target, volumes.limits,
                stencil_volumes.NO_MASK, counts)
     for sample in np.flatnonzero(counts.updates).tolist():

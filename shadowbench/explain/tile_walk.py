@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.algorithms.ptsv import Ptsv
-from shadowbench.explain.frusta import ACCEPTED, INSIDE, REFINED, FrustumTests, box_outcome, sample_outcome
+from shadowbench.explain.frusta import ACCEPTED, INSIDE, REFINED, Batch, FrustumTests, box_outcome, sample_outcome
 from shadowbench.explain.trace import Shape, Test, Trace
 from shadowbench.geometry import Frame
 from shadowbench.kernels.depth_hierarchy import build_tile_tree
@@ -30,6 +30,7 @@ class Tile:
     low, high : float32 (n_lanes, 3), the children's boxes.
     open : bool (n_lanes,), children or samples that are still to be tested.
     parent, lane : where it belongs.
+    batch : outcomes of all frusta that may visit the tile.
     """
 
     level: int
@@ -43,6 +44,7 @@ class Tile:
     low: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 3), np.float32))
     high: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 3), np.float32))
     open: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
+    batch: Batch | None = None
 
     @property
     def covered(self) -> int:
@@ -63,7 +65,7 @@ class Visit:
     k: int
     tile: Tile
     open: NDArray[np.bool_]
-    codes: NDArray[np.int64]
+    codes: NDArray[np.int8]
 
 
 class TileWalk:
@@ -83,7 +85,7 @@ class TileWalk:
         self.x, self.y = plane_x.astype(np.float32), plane_y.astype(np.float32)
         self.root = self._tile(0, 0, 0, None, 0)
         if self.root is not None:
-            self._expand(self.root)
+            self._expand(self.root, np.arange(len(self.tests.triangle)))
 
     def _tile(self, level: int, x0: int, y0: int, parent: Tile | None, lane: int) -> Tile | None:
         """Make a tile; None if it lies off the image."""
@@ -92,7 +94,15 @@ class TileWalk:
         width, height = (int(np.prod([grid[axis] for grid in self.grids[level:]])) for axis in (0, 1))
         return Tile(level, x0, y0, min(x0 + width, self.samples.columns), min(y0 + height, self.samples.rows), parent, lane)
 
-    def _expand(self, tile: Tile) -> None:
+    def _expand(self, tile: Tile, frusta: NDArray[np.int64]) -> Batch:
+        """Find a tile's children with their boxes, or its samples, and test them against all frusta that may come."""
+        if tile.batch is None:
+            self._find_children(tile)
+            tile.batch = (self.tests.boxes(frusta, tile.low, tile.high) if tile.children
+                          else self.tests.samples(frusta, *self._coordinates(tile)))
+        return tile.batch
+
+    def _find_children(self, tile: Tile) -> None:
         """Find a tile's children with their boxes, or its samples."""
         grid_x, grid_y = self.grids[tile.level]
         below = self.grids[tile.level + 1:]
@@ -114,6 +124,12 @@ class TileWalk:
                               self.r[child.y0:child.y1, child.x0:child.x1][inside])
                     tile.low[lane], tile.high[lane] = [v.min() for v in values], [v.max() for v in values]
 
+    def outcomes_at_root(self, lane: int) -> NDArray[np.int8]:
+        """Outcome of every frustum's test of a child of the root; int8 (n_frusta,)."""
+        assert self.root is not None and self.root.batch is not None
+        found: NDArray[np.int8] = self.root.batch.codes[:, lane]
+        return found
+
     def below(self, child: Tile, last: int | None = None) -> Iterator[Visit]:
         """Walk all frusta, or those up to `last`, through a child of the root, and tell every visit.
 
@@ -122,9 +138,9 @@ class TileWalk:
         root, skip = self.root, self.params.skip_shadowed
         if root is None or not root.open[child.lane]:
             return
-        self._expand(child)
-        everything = np.arange(len(self.tests.triangle) if last is None else last + 1)
-        codes = self.tests.boxes(everything, root.low[[child.lane]], root.high[[child.lane]])
+        root_batch = self._expand(root, np.arange(len(self.tests.triangle)))
+        self._expand(child, root_batch.refined(child.lane))
+        codes = root_batch.codes[:None if last is None else last + 1, child.lane]
         for k in np.flatnonzero(codes < 0).tolist():
             if skip and not child.open.any():
                 return
@@ -134,14 +150,14 @@ class TileWalk:
             stack = [child]
             while stack:
                 tile = stack.pop()
-                yield (visit := self._visit(k, tile))
+                batch = self._expand(tile, np.zeros(0, np.int64))
+                yield (visit := Visit(k, tile, tile.open.copy(), batch.of(k)))
                 closed = visit.open & (visit.codes == ACCEPTED)
                 if tile.children:
                     waiting = np.flatnonzero(visit.open & (visit.codes == REFINED)).tolist()
                     for found in (tile.children[lane] for lane in waiting):
                         if found is not None:
-                            if not len(found.open):
-                                self._expand(found)
+                            self._expand(found, batch.refined(found.lane))
                             stack.append(found)
                 else:
                     closed = visit.open & (visit.codes <= INSIDE)
@@ -149,17 +165,12 @@ class TileWalk:
                     tile.open = tile.open & ~closed
                     _close(tile)
 
-    def _visit(self, k: int, tile: Tile) -> Visit:
-        """Test what is in a tile."""
-        if tile.children:
-            codes = self.tests.boxes(k, tile.low, tile.high)
-        else:
-            columns = np.minimum(tile.x0 + np.arange(len(tile.open)) % self.grids[-1][0], tile.x1 - 1)
-            rows = np.minimum(tile.y0 + np.arange(len(tile.open)) // self.grids[-1][0], tile.y1 - 1)
-            i = rows * self.samples.columns + columns
-            depth = np.where(tile.open, self.samples.depth[i], 1.0)
-            codes = self.tests.samples(k, self.samples.plane_x[i], self.samples.plane_y[i], depth)
-        return Visit(k, tile, tile.open.copy(), codes)
+    def _coordinates(self, tile: Tile) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Position and depth of a tile's samples; any depth for those that are not tested."""
+        columns = np.minimum(tile.x0 + np.arange(len(tile.open)) % self.grids[-1][0], tile.x1 - 1)
+        rows = np.minimum(tile.y0 + np.arange(len(tile.open)) // self.grids[-1][0], tile.y1 - 1)
+        i = rows * self.samples.columns + columns
+        return self.samples.plane_x[i], self.samples.plane_y[i], np.where(tile.open, self.samples.depth[i], 1.0)
 
 
 def _close(tile: Tile) -> None:
@@ -177,9 +188,7 @@ def explain_sample(algorithm: Ptsv, frame: Frame, sample: int) -> Trace:
     if root is None or not walk.included.any() or not len(walk.tests.triangle):
         return trace
     child = _child_at(root, x, y)
-    codes = np.full(len(walk.tests.triangle), REFINED)
-    if root.open[child.lane]:
-        codes = walk.tests.boxes(np.arange(len(codes)), root.low[[child.lane]], root.high[[child.lane]])
+    codes = walk.outcomes_at_root(child.lane)
     visits: dict[int, list[Visit]] = {}
     for visit in walk.below(child):
         if visit.tile.x0 <= x < visit.tile.x1 and visit.tile.y0 <= y < visit.tile.y1:
@@ -234,16 +243,17 @@ def explain_triangle(algorithm: Ptsv, frame: Frame, triangle: int) -> Trace:
     if not len(found) or walk.root is None or not walk.included.any():
         return trace
     k = int(found[0])
-    visits = [Visit(k, walk.root, walk.root.open.copy(), walk.tests.boxes(k, walk.root.low, walk.root.high))]
+    at_root = np.array([walk.outcomes_at_root(lane)[k] for lane in range(len(walk.root.open))])
+    visits = [Visit(k, walk.root, walk.root.open.copy(), at_root)]
     for child in [c for c in walk.root.children if c is not None]:
         if walk.root.open[child.lane] and visits[0].codes[child.lane] == REFINED:
             visits += [visit for visit in walk.below(child, k) if visit.k == k]
     for visit in visits:
         for lane, code in enumerate(visit.codes.tolist()):
-            child = visit.tile.children[lane] if visit.tile.children else None
+            below = visit.tile.children[lane] if visit.tile.children else None
             words = box_outcome(code) if visit.tile.children else sample_outcome(code)
             place = f"child {lane} of tile {visit.tile.x0},{visit.tile.y0} of level {visit.tile.level}"
-            number = trace.add_shape(child.shape(code)) if child is not None and visit.open[lane] else None
+            number = trace.add_shape(below.shape(code)) if below is not None and visit.open[lane] else None
             trace.tests.append(Test(triangle, place, words if visit.open[lane] else "not needed", 1.0, number))
     trace.value = len(trace.tests)
     return trace

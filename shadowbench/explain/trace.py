@@ -94,9 +94,9 @@ class Trace:
         """
         if not self.tests:
             return []
-        sums = np.cumsum([test.share for test in self.tests])
-        reached = np.minimum(np.rint(sums), self.value).astype(np.int64)
-        reached[-1] = self.value                           # the sum in another order may round otherwise
+        # Halves round up, so that a share of 1 always reaches one number more; the sums' own rounding is taken off before
+        sums = np.round(np.cumsum([test.share for test in self.tests]), 9)
+        reached = np.minimum(np.floor(sums + 0.5), self.value).astype(np.int64)
         before = np.concatenate([[0], reached[:-1]])
         return [int(n) if n > b else 0 for n, b in zip(reached, before, strict=True)]
 
