@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.cluster_bounds import box_clusters, implicit_boxes, join_boxes
 from shadowbench.kernels.cluster_keys import TILE, TILE_SAMPLES
 from shadowbench.kernels.lanes import LANES, lowest_bit
@@ -113,7 +113,7 @@ def tile_samples(plane_x, plane_y):
     return TileSamples(x, np.repeat(y, TILE), r, columns, rows, plane_x, plane_y)
 
 
-@kernel
+@allocating_kernel
 def _find_in_band(worker, samples, depth, bits, included, layout, slices, found):
     """Find the clusters of a band of tile rows. Rows of samples are padded to whole tiles. -1: there is no room.
 
@@ -203,15 +203,49 @@ def _pack(found, order):
 
 
 @kernel
-def _unpack(found, order, n_columns, clusters):
-    """Write the clusters in the order of their keys."""
-    for i in range(len(order)):
+def _unpack_part(found, order, n_columns, clusters, worker):
+    """Write a share of the clusters in the order of their keys."""
+    n = len(order)
+    for i in range(n * worker // N_WORKERS, n * (worker + 1) // N_WORKERS):
         slot = np.int64(order[i] & np.uint64(0xFFFFFFFF))
         place = found.place[slot]
         row, column = place >> 16 & 0xFFFF, place & 0xFFFF
         clusters.key[i], clusters.slice[i] = order[i] >> _INDEX_BITS, place >> 32
         clusters.row[i], clusters.column[i], clusters.tile[i] = row, column, row * n_columns + column
         clusters.samples[i] = found.mask[slot]
+
+
+@parallel_kernel
+def _unpack(found, order, n_columns, clusters):
+    for worker in prange(N_WORKERS):
+        _unpack_part(found, order, n_columns, clusters, worker)
+
+
+@kernel
+def _nearest_part(bits, nearest, worker):
+    """Find the smallest of a share of the numbers."""
+    part = bits[len(bits) * worker // N_WORKERS:len(bits) * (worker + 1) // N_WORKERS]
+    a = b = c = d = nearest[worker]
+    # Four chains of comparisons, because each waits for its last one
+    for i in range(len(part) // 4):
+        a, b = min(a, part[4 * i]), min(b, part[4 * i + 1])
+        c, d = min(c, part[4 * i + 2]), min(d, part[4 * i + 3])
+    for i in range(len(part) // 4 * 4, len(part)):
+        a = min(a, part[i])
+    nearest[worker] = min(min(a, b), min(c, d))
+
+
+@parallel_kernel
+def _find_nearest(bits, nearest):
+    for worker in prange(N_WORKERS):
+        _nearest_part(bits, nearest, worker)
+
+
+def nearest_depth(depth):
+    """Smallest of the depths: float64 (n_samples,), positive, whose bits compare like integers; inf if there is none."""
+    nearest = np.full(N_WORKERS, np.inf)
+    _find_nearest(depth.view(np.int64), nearest.view(np.int64))
+    return float(nearest.min())
 
 
 @kernel
@@ -241,17 +275,20 @@ def _link(nodes, level, layout, clusters, first_cluster, base, full):
     Where the places of the next level down start, in the compact layout.
     """
     bits, shift = np.uint64(layout.level_bits[level]), np.uint64(layout.shift[level + 1])
-    node, first_child = nodes.first[level] - 1, nodes.first[level + 1]
+    lanes = (_ONE << bits) - _ONE
+    node, first_child, occupied, above = nodes.first[level] - 1, nodes.first[level + 1], np.uint64(0), ~np.uint64(0)
     for child in range(first_child, nodes.first[level + 2]):
         key = clusters.key[first_cluster[child]] >> shift
-        if child == first_child or key >> bits != clusters.key[first_cluster[child - 1]] >> shift >> bits:
-            node += 1
-            nodes.first_child[node] = child
-            nodes.occupied[node] = 0
-            first_cluster[node] = first_cluster[child]
-        lane = np.int64(key & ((_ONE << bits) - _ONE)) if full else child - nodes.first_child[node]
+        if key >> bits != above:
+            # The first child of the next node
+            if node >= nodes.first[level]:
+                nodes.occupied[node] = occupied
+            node, first_child, occupied, above = node + 1, child, np.uint64(0), key >> bits
+            nodes.first_child[node], first_cluster[node] = child, first_cluster[child]
+        lane = np.int64(key & lanes) if full else child - first_child
         nodes.parent[child], nodes.lane[child] = node, lane
-        nodes.occupied[node] |= _ONE << np.uint64(lane)
+        occupied |= _ONE << np.uint64(lane)
+    nodes.occupied[node] = occupied
     # Give each node room for its children's boxes
     block = 2 * LANES * -(-(1 << layout.level_bits[level]) // LANES)
     for node in range(nodes.first[level], nodes.first[level + 1]):

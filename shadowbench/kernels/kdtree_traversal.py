@@ -38,7 +38,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.elements import get, increment, put
 from shadowbench.kernels.kdtree_build import MAX_DEPTH
 from shadowbench.kernels.kdtree_walk import SHORT_STACK, Ray, RayCounts, walk, walk_again
@@ -119,7 +119,7 @@ def _trace_all(tree, rays, grid, traced, start, n_stack, columns, shadow, counts
         _trace_part(tree, rays, grid, traced, start, n_stack, columns, shadow, counts, worker)
 
 
-@kernel
+@allocating_kernel
 def _trace_part(tree, rays, grid, traced, start, n_stack, columns, shadow, counts, worker):
     """Trace the rays of one worker's share of the tiles."""
     ray = Ray(np.empty(9), np.empty(MAX_DEPTH + 1, np.int64), np.empty(MAX_DEPTH + 1), np.empty(MAX_DEPTH + 1),
