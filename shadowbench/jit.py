@@ -86,7 +86,8 @@ def allocating_kernel(function: Callable[..., Any]) -> Any:
 def _compiled(function: Callable[..., Any], counts_references: bool) -> Any:
     folder = cache_folder() / source_digest(Path(function.__code__.co_filename))
     setattr(numba.config, "CACHE_DIR", str(folder))     # noqa: B010  numba.config has no type stubs
-    return numba.njit(_nrt=counts_references, **_OPTIONS)(function)
+    options = {**_OPTIONS, "_nrt": counts_references}
+    return numba.njit(**options)(function)
 
 
 _PRELUDE = ast.parse("""\

@@ -25,8 +25,8 @@ GENERATION, NEXT, DONE = 0, 8, 16
 
 SIZE = 24
 
-SPINS = 400_000
-"""Looks at a number before a thread sleeps: about a millisecond or two, longer than what lies between most kernels."""
+SPINS = 4_000_000
+"""Looks at a number before a thread sleeps: about 4 ms, longer than what lies between the kernels of a frame."""
 
 _INT64 = ir.IntType(64)
 
@@ -64,10 +64,10 @@ def store_now(typing_context: Any, numbers: Any, index: Any, value: Any) -> Any:
     return types.void(numbers, types.int64, types.int64), codegen
 
 
-def spin(numbers, index, low, n_spins):      # type: ignore[no-untyped-def]   # compiled by `shadowbench.jit`
-    """Watch a number until it is `low` or more, or for `n_spins` looks; True if it is."""
-    for _ in range(n_spins):
-        if load_now(numbers, index) >= low:
+def spin(numbers: Any, index: int, low: int, n_spins: int) -> bool:
+    """Watch a number until it is `low` or more, or for `n_spins` looks; True if it is. `shadowbench.jit` compiles it."""
+    for _ in range(n_spins):        # noqa: SIM110  compiled code has no generators
+        if load_now(numbers, index) >= low:     # type: ignore[call-arg]
             return True
     return False
 
@@ -86,26 +86,27 @@ class Job:
         self.numbers = np.zeros(SIZE, np.int64)
         self.n_pieces, self.generation = n_pieces, generation
         self.error: BaseException | None = None
-        self._call: tuple[Any, ...] | None = (self.numbers, announced, generation, n_workers, n_pieces, *arguments)
-        self._kernel = kernel
+        self._announced, self._kernel = announced, kernel
+        self._rest: tuple[Any, ...] | None = (generation, n_workers, n_pieces, *arguments)
 
     def run(self) -> None:
-        """Take pieces until none is left."""
-        call = self._call
-        if call is not None:        # else the job is over
-            self._kernel(*call)
+        """Announce the job and take pieces until none is left, in the caller's thread."""
+        assert self._rest is not None
+        self._kernel(self.numbers, self._announced, *self._rest)
 
     def run_beside(self) -> None:
-        """Take pieces in a thread other than the caller's: an error is kept, and counts as everything done."""
+        """Take pieces in another thread, unless the job is over; an error is kept, and counts as everything done."""
+        rest = self._rest
         try:
-            self.run()
-        except BaseException as error:      # noqa: BLE001  it is raised again by the caller's thread
+            if rest is not None:
+                self._kernel(self.numbers, self.numbers, *rest)
+        except BaseException as error:
             self.error = error
             self.numbers[DONE] += self.n_pieces
 
     def close(self) -> None:
         """Let go of the arguments."""
-        self._call = None
+        self._rest = None
 
 
 class Team:

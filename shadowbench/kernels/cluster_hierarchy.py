@@ -16,7 +16,8 @@ import numpy as np
 from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.cluster_bounds import box_clusters, implicit_boxes, join_boxes
 from shadowbench.kernels.cluster_keys import TILE, TILE_SAMPLES
-from shadowbench.kernels.lanes import LANES, lowest_bit
+from shadowbench.kernels.cluster_links import count_nodes, link_nodes
+from shadowbench.kernels.lanes import lowest_bit
 from shadowbench.kernels.row_lanes import row_between, row_mask, store_reciprocals
 
 N_WORKERS = 32
@@ -26,7 +27,6 @@ ROOM_PER_TILE = 8, TILE_SAMPLES
 """Clusters per tile, on average over a band, that there is room for at first, and if that is not enough."""
 
 _INDEX_BITS = np.uint64(32)
-_ONE = np.uint64(1)
 
 
 class TileSamples(NamedTuple):
@@ -115,10 +115,7 @@ def tile_samples(plane_x, plane_y):
 
 @allocating_kernel
 def _find_in_band(worker, samples, depth, bits, included, layout, slices, found):
-    """Find the clusters of a band of tile rows. Rows of samples are padded to whole tiles. -1: there is no room.
-
-    One function, because a call takes a reference count for each array in the records that it passes.
-    """
+    """Find the clusters of a band of tile rows. Rows of samples are padded to whole tiles. -1: there is no room."""
     n_columns, n_rows = samples.columns * TILE, len(samples.plane_y)
     tile_r, starts, guide = samples.r, slices.start, slices.guide
     shift, first_range, last_range = slices.shift, slices.first, len(slices.guide) - 1
@@ -129,7 +126,7 @@ def _find_in_band(worker, samples, depth, bits, included, layout, slices, found)
         height = min(TILE, n_rows - tile_row * TILE)
         for tile_column in range(samples.columns):
             tile = tile_row * samples.columns + tile_column
-            before, offset = n, tile * TILE_SAMPLES
+            before, offset, slot, low, high = n, tile * TILE_SAMPLES, np.int64(-1), 0.0, 0.0
             for iy in range(TILE):
                 sample, place = (tile_row * TILE + iy) * n_columns + tile_column * TILE, offset + iy * TILE
                 if iy >= height:
@@ -137,13 +134,19 @@ def _find_in_band(worker, samples, depth, bits, included, layout, slices, found)
                     continue
                 waiting = row_mask(included, sample)
                 store_reciprocals(depth, sample, waiting, tile_r, place)
+                # The cluster that was met last goes on in most rows
+                if slot >= before:
+                    taken = waiting & row_between(depth, sample, low, high)
+                    waiting ^= taken
+                    masks[slot] |= taken << np.uint64(iy * TILE)
                 while waiting != 0:
                     # Eq. 1: the slice that the depth's range begins in, or the next
                     first = sample + lowest_bit(waiting)
                     z = guide[min(max((bits[first] >> shift) - first_range, 0), last_range)]
                     z += depth[first] >= starts[z + 1]
                     # Take all samples of the row that lie in it
-                    taken = waiting & row_between(depth, sample, starts[z] if z > 0 else 0.0, starts[z + 1])
+                    low, high = starts[z] if z > 0 else 0.0, starts[z + 1]
+                    taken = waiting & row_between(depth, sample, low, high)
                     waiting ^= taken
                     # The cluster last noted for the slice, if it is of this tile
                     slot = slot_of_slice[z]
@@ -248,74 +251,6 @@ def nearest_depth(depth):
     return float(nearest.min())
 
 
-@kernel
-def _count_nodes(keys, shift, n_nodes):
-    """Count the different prefixes of the sorted keys on every level."""
-    for level in range(len(n_nodes)):
-        n_nodes[level] = 1
-    for i in range(1, len(keys)):
-        level = len(n_nodes) - 1
-        while level >= 0 and keys[i] >> np.uint64(shift[level]) != keys[i - 1] >> np.uint64(shift[level]):
-            n_nodes[level] += 1
-            level -= 1
-
-
-@kernel
-def _link(nodes, level, layout, clusters, first_cluster, base, full):
-    """Group a level's children into its nodes.
-
-    Parameters
-    ----------
-    first_cluster : int64 (n_nodes,), a cluster of each node: those of the children are known, those of the nodes set.
-    base : where the places of this level start.
-    full : True for the full layout.
-
-    Returns
-    -------
-    Where the places of the next level down start, in the compact layout.
-    """
-    bits, shift = np.uint64(layout.level_bits[level]), np.uint64(layout.shift[level + 1])
-    lanes = (_ONE << bits) - _ONE
-    node, first_child, occupied, above = nodes.first[level] - 1, nodes.first[level + 1], np.uint64(0), ~np.uint64(0)
-    for child in range(first_child, nodes.first[level + 2]):
-        key = clusters.key[first_cluster[child]] >> shift
-        if key >> bits != above:
-            # The first child of the next node
-            if node >= nodes.first[level]:
-                nodes.occupied[node] = occupied
-            node, first_child, occupied, above = node + 1, child, np.uint64(0), key >> bits
-            nodes.first_child[node], first_cluster[node] = child, first_cluster[child]
-        lane = np.int64(key & lanes) if full else child - first_child
-        nodes.parent[child], nodes.lane[child] = node, lane
-        occupied |= _ONE << np.uint64(lane)
-    nodes.occupied[node] = occupied
-    # Give each node room for its children's boxes
-    block = 2 * LANES * -(-(1 << layout.level_bits[level]) // LANES)
-    for node in range(nodes.first[level], nodes.first[level + 1]):
-        last = nodes.first_child[node + 1] if node + 1 < nodes.first[level + 1] else nodes.first[level + 2]
-        n_lanes = 1 << layout.level_bits[level] if full else last - nodes.first_child[node]
-        nodes.n_chunks[node] = -(-n_lanes // LANES)
-        if full:
-            nodes.place[node] = base + block * np.int64(clusters.key[first_cluster[node]] >> shift >> bits)
-        else:
-            nodes.place[node] = base
-            base += 2 * LANES * nodes.n_chunks[node]
-    return base
-
-
-def _place_nodes(nodes, layout, clusters, full):
-    """Link all levels; returns a cluster of each node and the size of the arrays of coordinates."""
-    n_levels = len(layout.level_bits)
-    first_cluster = np.empty(len(nodes.parent), np.int64)
-    first_cluster[nodes.first[n_levels]:] = np.arange(len(clusters.key))
-    blocks = 2 * LANES * -(-(1 << layout.level_bits) // LANES)
-    starts = np.concatenate([[0], np.cumsum(blocks << (layout.shift[0] - layout.shift[:-1]))])
-    end = 0
-    for level in range(n_levels - 1, -1, -1):
-        end = _link(nodes, level, layout, clusters, first_cluster, int(starts[level]) if full else end, full)
-    return first_cluster, int(starts[-1]) if full else end
-
-
 def build_cluster_tree(samples, depth, included, layout, slices, explicit, full):
     """Build the hierarchy over the samples of a frame.
 
@@ -336,15 +271,15 @@ def build_cluster_tree(samples, depth, included, layout, slices, explicit, full)
     n_clusters = len(clusters.key)
     if n_clusters == 0:
         return clusters, None, 0.0
-    n_nodes = np.zeros(len(layout.level_bits), np.int64)
-    _count_nodes(clusters.key, layout.shift, n_nodes)
+    starts = count_nodes(clusters.key, layout)
+    n_nodes = starts.sum(axis=0)
     first = np.concatenate([[0], np.cumsum(n_nodes)])
     n_inner, n_all = int(first[-1]), int(first[-1]) + n_clusters
     empty = np.empty(0, np.float32)
     nodes = Nodes(np.append(first, n_all), np.empty(n_inner, np.int32), np.full(n_all, -1, np.int32),
                   np.zeros(n_all, np.int8), np.empty(n_inner, np.uint64), np.empty(n_inner, np.int64),
                   np.empty(n_inner, np.int8), empty, empty, empty)
-    first_cluster, size = _place_nodes(nodes, layout, clusters, full)
+    first_cluster, size = link_nodes(nodes, layout, clusters, starts, full)
     nodes = nodes._replace(x=np.zeros(size, np.float32), y=np.zeros(size, np.float32), r=np.zeros(size, np.float32))
     if explicit:
         box_clusters(nodes, clusters, samples)
