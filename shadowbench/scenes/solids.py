@@ -51,5 +51,5 @@ def generate(triangles: int, seed: int) -> ProceduralScene:
     builder.add(plane, "ground")
     eyes = [(1.0, 5.4, 7.8), (-4.6, 3.4, 6.4), (5.6, 4.2, 5.2), (0.5, 7.0, 3.4)]
     targets = [(0.4, 0.6, 0.0), (-0.6, 0.6, 0.0), (0.6, 0.4, 0.0), (0.4, 0.0, 0.0)]
-    return ProceduralScene(builder.mesh(), eyes, targets, closed=False, fov_y=42.0, near=0.1, far=60.0,
+    return ProceduralScene(builder.mesh(), eyes, targets, closed=False, fov_y=52.0, near=0.1, far=60.0,
                            light=Light.point(-4.6, 6.2, 4.4))
