@@ -29,9 +29,11 @@ def cell_rows(*columns: str) -> Callable[[Sequence[Measured]], list[Row]]:
 
 
 def where(measured: Measured) -> dict[str, int | float | str]:
-    """Say what was measured, in the columns `WHERE`; also ``height`` and ``triangles`` where they are not the usual ones."""
+    """Say what was measured, in the columns `WHERE`; also ``height``, ``triangles`` and ``light`` where they are not the
+    usual ones."""
     measurement, cell = measured
-    unusual = {"height": measurement.height, "triangles": measurement.triangles}
+    light = "" if measurement.light is None else " ".join(f"{value:g}" for value in measurement.light)
+    unusual = {"height": measurement.height, "triangles": measurement.triangles, "light": light}
     return {"scene": cell.scene, "size": measurement.size, "published_size": measurement.published_size or measurement.size,
             "frame": cell.frame, "method": cell.label, **{name: value for name, value in unusual.items() if value}}
 
