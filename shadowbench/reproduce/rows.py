@@ -19,7 +19,8 @@ def cell_rows(*columns: str) -> Callable[[Sequence[Measured]], list[Row]]:
 
     Parameters
     ----------
-    *columns : counters and fields of the accuracy by name; ``wrong``; ``seconds``, the median time; ``stage.NAME``, the
+    *columns : counters by name; ``wrong``, ``false_shadow``, ``false_light`` and
+        ``lit_candidates``, samples; ``seconds``, the median time; ``stage.NAME``, the
         median time of a stage; ``memory.NAME``, the bytes of a structure; ``COUNTER.level``, one column per tree level.
     """
     def rows(measured: Sequence[Measured]) -> list[Row]:
@@ -52,6 +53,8 @@ def _values(measured: Measured, column: str) -> dict[str, int | float]:
         return {f"{kind}.{level}": value for level, value in enumerate(cell.levels.get(kind, []))}
     if column == "wrong" and cell.accuracy is not None:
         return {column: cell.accuracy.false_shadow + cell.accuracy.false_light}
+    if column in ("false_shadow", "false_light", "lit_candidates") and cell.accuracy is not None:
+        return {column: getattr(cell.accuracy, column)}
     return {column: cell.counts.get(column, 0)}
 
 

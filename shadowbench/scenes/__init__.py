@@ -72,6 +72,8 @@ ALL_SCENES: tuple[SceneEntry, ...] = (
                2_400, "shadowbench.scenes.solids:generate"),
     SceneEntry("lost_edges", "Edges that a coarse silhouette map confuses: crossing, side by side, and a sharp corner",
                64, "shadowbench.scenes.lost_edges:generate"),
+    SceneEntry("sheets", "Stack of 256 sheets over the eye: more shadow volumes than an 8-bit stencil buffer counts",
+               640, "shadowbench.scenes.sheets:generate"),
     SceneEntry("plane_square", "Square over a plane: its shadow is known in closed form",
                52, f"{_ANALYTIC}:plane_square"),
     SceneEntry("plane_disc", "Tilted regular polygon over a plane: its shadow is known in closed form",

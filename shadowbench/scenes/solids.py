@@ -28,9 +28,9 @@ def _build(detail: float) -> MeshBuilder:
     builder = MeshBuilder(_COLORS)
     sides = rounds(detail, 32, 12)
     builder.add(lathe([(0.55, 0.0), (0.55, 2.6)], sides, bottom=True, top=True).moved(-2.0, 0.0, 0.2), "cylinder")
-    builder.add(ball(0.9, sides).moved(0.9, 1.5, 1.2), "ball")
+    builder.add(ball(0.9, sides).moved(1.3, 1.5, 1.3), "ball")
     builder.add(lathe([(0.8, 0.0), (0.0, 2.0)], sides, bottom=True).moved(0.3, 0.0, -2.4), "cone")
-    builder.add(ring(0.8, 0.22, sides, rounds(detail, 12)).moved(3.4, 0.3, -0.8), "ring")
+    builder.add(ring(0.8, 0.22, sides, rounds(detail, 12)).moved(3.3, 0.3, -2.9), "ring")
     return builder
 
 
