@@ -10,9 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
-from shadowbench import image_io
 from shadowbench.reproduce import chan2004_figures
 from shadowbench.reproduce.chan2004_figures import (
     PAPER,
@@ -23,7 +20,6 @@ from shadowbench.reproduce.chan2004_figures import (
     per_cent,
     shadow_map,
     share,
-    smaller,
 )
 from shadowbench.reproduce.items import (
     Claim,
@@ -58,9 +54,11 @@ def nine_views(size: int) -> tuple[Measurement, ...]:
 
 def add_coverage(rows: Sequence[Row], found: Pictures) -> list[Row]:
     """Add the share of the image with a stencil update to the rows of shadow volumes, in per cent."""
+    from shadowbench.reproduce import tiles
+
     def coverage(row: Row) -> float:
         files = found[view_key(str(row["scene"]), int(row["frame"]), VOLUMES.label)]
-        return round(100.0 * float(np.mean(image_io.read_exr(files["shadow_exr"])["tests"] > 0)), 3)
+        return round(100.0 * tiles.share_tested(files["shadow_exr"]), 3)
     return [{**row, "coverage": coverage(row)} if row["method"] == VOLUMES.label else row for row in rows]
 
 
@@ -78,7 +76,8 @@ def largest_share(scene: str) -> Callable[[Sequence[Row]], float]:
 def least_gain(rows: Sequence[Row]) -> float:
     """Coverage of shadow volumes over silhouette samples at 256, the smallest of all views."""
     return min(mean(rows, "coverage", method=VOLUMES.label, scene=scene, frame=frame)
-               / per_cent("silhouette_samples", hybrid(256), scene=scene, frame=frame)(rows) for scene, frame in views_of(rows))
+               / per_cent("silhouette_samples", hybrid(256), scene=scene, frame=frame)(rows) for scene,
+               frame in views_of(rows))
 
 
 def share_fall(scene: str) -> Callable[[Sequence[Row]], float]:
@@ -96,9 +95,11 @@ def plot_shares(evidence: Evidence, folder: Path) -> None:
     for panel, scene in zip(axes, SCENES, strict=True):
         frames = [frame for where, frame in views_of(rows) if where == scene]
         series = {"covered by volumes": [mean(rows, "coverage", method=VOLUMES.label, scene=scene, frame=f) for f in frames]}
-        series |= {f"silhouettes, {r}": [per_cent("silhouette_samples", hybrid(r), scene=scene, frame=f)(rows) for f in frames]
+        series |= {f"silhouettes, {r}": [per_cent("silhouette_samples", hybrid(r), scene=scene, frame=f)(rows)
+                                         for f in frames]
                    for r in RESOLUTIONS}
-        plots.draw_groups(panel, [f"view {letters[i]}" for i in range(len(frames))], series, f"{scene} (stand-in)", "% of image")
+        plots.draw_groups(panel, [f"view {letters[i]}" for i in range(len(frames))], series, f"{scene} (stand-in)",
+                          "% of image")
         for i, frame in enumerate(frames):
             overdraw = share("stencil_fragments", VOLUMES, scene=scene, frame=frame)(rows)
             panel.text(i - 0.3, series["covered by volumes"][i], f"{overdraw:.0f}", ha="center", va="bottom")
@@ -110,7 +111,8 @@ def plot_shares(evidence: Evidence, folder: Path) -> None:
 F11 = Item(
     "Ch.F11", PAPER, "Coverage and overdraw of volumes, silhouette samples of the hybrid, nine views", "Figure 11",
     "Shares of the image: samples that shadow volumes update, the overdraw (fragments over samples) above the bar; samples "
-    "whose four depths disagree at three resolutions. Three frames of each scene's path stand for the paper's views A, B and "
+    "whose four depths disagree at three resolutions. Three frames of each scene's path stand for the paper's views A, B "
+    "and "
     "C. The paper's coverage counts pixels with any fragment, ours only those with a stencil update, so it is less.",
     full=nine_views(1024), quick=nine_views(256), from_pictures=add_coverage,
     rows=cell_rows("wrong", "silhouette_samples", "mask_samples", "stencil_fragments", "stencil_updates"),
@@ -154,11 +156,11 @@ def plot_parts(evidence: Evidence, folder: Path) -> None:
 
     figure, axes = plots.panels(len(SCENES), 3.4, 3.4)
     for panel, scene in zip(axes, SCENES, strict=True):
-        bottom = np.zeros(len(TIMED))
+        bottom = [0.0] * len(TIMED)
         for color, part in zip(plots.COLORS, PARTS, strict=False):
-            heights = np.array([1e3 * part_seconds(evidence.rows, method, part, scene=scene) for method in TIMED])
+            heights = [1e3 * part_seconds(evidence.rows, method, part, scene=scene) for method in TIMED]
             panel.bar(range(len(TIMED)), heights, 0.6, bottom, label=part, color=color)
-            bottom += heights
+            bottom = [a + b for a, b in zip(bottom, heights, strict=True)]
         panel.set(title=f"{scene} (stand-in)", ylabel="milliseconds", xticks=range(len(TIMED)))
         panel.set_xticklabels(["shadow map", "hybrid", "volumes"])
     plots.legend_below(figure, axes[0])
@@ -167,7 +169,8 @@ def plot_parts(evidence: Evidence, folder: Path) -> None:
 
 F12 = Item(
     "Ch.F12", PAPER, "Time by part: shadow map, hybrid, shadow volumes", "Figure 12; sec. 5.2",
-    "Milliseconds per frame, means over views. Times are of a CPU, the paper's of a graphics card that rasterises volumes in "
+    "Milliseconds per frame, means over views. Times are of a CPU, the paper's of a graphics card that rasterises volumes "
+    "in "
     "hardware: compare ratios alone. Maps have 1024 texels along the side.",
     full=timed_views(1024, VIEWS, 2), quick=timed_views(256, VIEWS[:1], 1),
     rows=cell_rows("seconds", *(f"stage.{stage}" for stages in PARTS.values() for stage in stages)),
@@ -190,13 +193,15 @@ def saved(rows: Sequence[Row]) -> float:
 
 C1 = Item(
     "Ch.C1", PAPER, "Leaving out silhouette samples that are not undersampled", "sec. 6.3",
-    "Silhouette samples where a texel of the map is smaller than a pixel, which need no volumes, over all silhouette samples "
+    "Silhouette samples where a texel of the map is smaller than a pixel, which need no volumes, over all silhouette "
+    "samples "
     "with maps of 1024. What a map can leave out hangs on its resolution and the distance of the view, which the paper does "
     "not give for this number.",
     full=culled_views(1024, VIEWS), quick=culled_views(256, VIEWS),
     rows=cell_rows("wrong", "silhouette_samples", "silhouette_samples_culled"),
     claims=(Claim("Silhouette samples left out", "5 %", saved, Range(0.0, 10.0), Range(0.0, 25.0), " %",
-                  otherwise="Cubes and cage have a map of 1024 on each of six faces, finer on the screen than the one map that "
+                  otherwise="Cubes and cage have a map of 1024 on each of six faces, finer on the screen than the one map "
+                            "that "
                   "the paper draws"),))
 
 ITEMS = (*chan2004_figures.ITEMS, F11, F12, C1)

@@ -24,7 +24,8 @@ FEW = 0.1
 STAND_IN_FACTOR = 2.0
 """A number that hangs on the shapes of a scene holds within this factor; in part within its square."""
 
-COLORS = ("Red and blue: the map decides, shadow or light; black and green: volumes decide, shadow or light; gray: faces away "
+COLORS = ("Red and blue: the map decides, shadow or light; black and green: volumes decide, shadow or light; gray: faces "
+          "away "
           "from the light. ")
 ROWS = cell_rows("wrong", "silhouette_samples", "stencil_fragments", "stencil_updates", "test_and_set")
 
@@ -51,7 +52,8 @@ def smaller(*full: Measurement) -> tuple[Measurement, ...]:
 
 def wrong_ratio(a: Variant, b: Variant, **where: str | int) -> Callable[[Sequence[Row]], float]:
     """Wrong samples of a method over those of another."""
-    return lambda rows: (mean(rows, "wrong", method=a.label, **where) / max(mean(rows, "wrong", method=b.label, **where), 1.0))
+    return lambda rows: (mean(rows, "wrong", method=a.label, **where) / max(mean(rows, "wrong", method=b.label, **where),
+                                                                            1.0))
 
 
 def share(column: str, method: Variant, **where: str | int) -> Callable[[Sequence[Row]], float]:
@@ -69,7 +71,8 @@ F5_FULL = view("solids", (shadow_map(512), hybrid(256)))
 
 F5 = Item(
     "Ch.F5", PAPER, "A shadow map of 512 against the hybrid with a map of 256", "Figure 5",
-    "Part of a cylinder's shadow. The paper filters its shadow map with 2 x 2 comparisons; ours is not filtered, so that its "
+    "Part of a cylinder's shadow. The paper filters its shadow map with 2 x 2 comparisons; ours is not filtered, so that "
+    "its "
     "samples can be right or wrong. " + MARKED,
     full=(F5_FULL,), quick=smaller(F5_FULL), rows=ROWS,
     claims=(Claim("Wrong samples, hybrid at 256 over shadow map at 512", "better", wrong_ratio(hybrid(256), shadow_map(512)),
@@ -89,19 +92,22 @@ F6 = Item(
     claims=(Claim("A finer map leaves fewer samples to volumes (512 over 256)", "fewer", lambda rows: (
                 mean(rows, "silhouette_samples", method=hybrid(512).label)
                 / mean(rows, "silhouette_samples", method=hybrid(256).label)), at_most(0.75), at_most(1.0)),
-            Claim("Wrong samples, hybrid over shadow map, both at 256", "minimised", wrong_ratio(hybrid(256), shadow_map(256)),
+            Claim("Wrong samples, hybrid over shadow map, both at 256", "minimised", wrong_ratio(hybrid(256),
+                                                                                                 shadow_map(256)),
                   at_most(FEW), at_most(1.0))),
     plot=mosaic([[Tile(shadow_map(256).label, wrong_of(shadow_map(256).label, "shadow map, 256"), crop=BALL),
                   Tile(hybrid(256).label, "what decides, 256", "classification", BALL)],
                  [Tile(hybrid(512).label, "what decides, 512", "classification", BALL),
                   Tile(hybrid(256).label, wrong_of(hybrid(256).label, "hybrid, 256"), crop=BALL)]], (3.6, 3.8)))
 
-CROPS: dict[str, Crop] = {"cubes": (0.3, 0.45, 0.7, 0.85), "dragon_cage": (0.1, 0.5, 0.5, 0.9), "tree": (0.3, 0.48, 0.7, 0.88)}
+CROPS: dict[str, Crop] = {"cubes": (0.3, 0.45, 0.7, 0.85), "dragon_cage": (0.1, 0.5, 0.5, 0.9), "tree": (0.3, 0.48, 0.7,
+                                                                                                         0.88)}
 F8_FULL = tuple(view(scene, (shadow_map(1024), hybrid(1024), VOLUMES)) for scene in SCENES)
 
 F8 = Item(
     "Ch.F8", PAPER, "Quality in three scenes: shadow map, hybrid, shadow volumes", "Figure 8; sec. 5.1",
-    "Parts of one view of each scene; maps of 1024 texels along the side, or of each face of a cube where the light hangs in "
+    "Parts of one view of each scene; maps of 1024 texels along the side, or of each face of a cube where the light hangs "
+    "in "
     "the scene (cubes, dragon cage). The paper also shows wrong self-shadowing of its maps, which the slope bias of ours "
     "prevents. " + MARKED,
     full=F8_FULL, quick=smaller(*F8_FULL), rows=ROWS,
@@ -139,7 +145,8 @@ F9 = Item(
     claims=(*(Claim(f"{scene}: wrong samples over those at half the resolution (larger of two steps)", "below 1x",
                     worst_step(scene), at_most(1.0), at_most(1.1)) for scene in SCENES),
             Claim("tree: thin branches are missed at 256: wrong samples", "shown",
-                  lambda rows: mean(rows, "wrong", scene="tree", method=hybrid(256).label), at_least(1.0), at_least(1.0), "")),
+                  lambda rows: mean(rows, "wrong", scene="tree", method=hybrid(256).label), at_least(1.0), at_least(1.0),
+                  "")),
     plot=mosaic([[*(Tile(view_key("tree", 0, hybrid(r).label), wrong_of(hybrid(r).label, f"hybrid, {r}", scene="tree"),
                          crop=TWIGS, marks=True) for r in RESOLUTIONS),
                   Tile(view_key("tree", 0, VOLUMES.label), "shadow volumes", crop=TWIGS)],
@@ -150,8 +157,10 @@ F10_FULL = view("dragon_cage", (VOLUMES, hybrid(1024)))
 
 F10 = Item(
     "Ch.F10", PAPER, "Dragon cage: overdraw, silhouette samples, stencil buffer", "Figure 10; sec. 5.2",
-    "The view; stencil updates per pixel of shadow volumes and of the hybrid on one logarithmic scale; what decides. Overdraw "
-    "are fragments of shadow volumes over samples of the image. The paper shades overdraw yellow and shows the stencil buffer "
+    "The view; stencil updates per pixel of shadow volumes and of the hybrid on one logarithmic scale; what decides. "
+    "Overdraw "
+    "are fragments of shadow volumes over samples of the image. The paper shades overdraw yellow and shows the stencil "
+    "buffer "
     "by itself: black and green samples here. " + COLORS,
     full=(F10_FULL,), quick=smaller(F10_FULL), rows=ROWS,
     claims=(Claim("Overdraw of shadow volumes", "79", share("stencil_fragments", VOLUMES),
@@ -161,7 +170,8 @@ F10 = Item(
             Claim("Silhouette samples", "5 %", per_cent("silhouette_samples", hybrid(1024)),
                   Range(5.0 / STAND_IN_FACTOR, 5.0 * STAND_IN_FACTOR),
                   Range(5.0 / STAND_IN_FACTOR**2, 5.0 * STAND_IN_FACTOR**2), " %",
-                  otherwise="The paper does not give the map's resolution here. With six maps round the light, texels are small "
+                  otherwise="The paper does not give the map's resolution here. With six maps round the light, texels are "
+                            "small "
                   "on the screen; the share at 256 and 512 is in Ch.F11, view A"),
             Claim("Stencil updates, hybrid over volumes", "far below 1x", lambda rows: (
                 mean(rows, "stencil_updates", method=hybrid(1024).label)

@@ -38,13 +38,18 @@ RAYS = {"four_buildings": (55_294, 32_079), "village": (905_290, 236_350), "tree
 CPU = "Times are of a CPU, the paper's of a graphics card: compare ratios alone. "
 
 MAP_IS_DEAR = (
-    "Ruled out: the scene (the paper's number of triangles), the number of rays (it falls about as published, see the first "
-    "claim), the tracing itself (it gets faster by itself, see the claims about the stage alone), wrong answers (none). What "
-    "is left is the map: drawing it conservatively at 1024 x 1024 takes a CPU longer than tracing all rays (stage.map beside "
-    "stage.trace in data.csv), while the paper's card drew it in 7 to 13 ms of hundreds")
+    "Ruled out: the scene (the paper's number of triangles), wrong answers (none), the number of rays and the kd-tree nodes "
+    "met (both fall, see the other claims). What is left is the map: drawing it conservatively at 1024 x 1024 takes a CPU "
+    "longer than tracing all rays (stage.map beside stage.trace in data.csv), while the paper's card drew it in 7 to 13 ms "
+    "of "
+    "hundreds")
+NOISE = ("Fewer rays, nodes and tests are counted, in any case; what is left of the time is the machine's, which was "
+         "shared, and "
+         "the look-up of each sample's interval")
 FRAGMENTS = (
     "Ruled out: the answer (no wrong sample), the number of triangles (the paper's), the work (discarding looks at more "
-    "fragments, as it should). The paper's card is limited by the triangles it is sent, and polygons make more of them; a CPU "
+    "fragments, as it should). The paper's card is limited by the triangles it is sent, and polygons make more of them; a "
+    "CPU "
     "is limited by fragments, and discarding makes more of those")
 
 
@@ -81,7 +86,8 @@ T1 = Item(
     "He.T1", PAPER, "Conservative rasterisation: polygons of up to nine corners against discarding", "Table 1",
     "Time of the stage that draws the conservative map of 1024 texels along the side, or of each face of a cube in the "
     "kitchen, whose light hangs in the room, and the fragments that it looks at. " + CPU,
-    full=measurements(1280, 1024, tuple(POLYGON_MS), RASTERS, 3), quick=measurements(320, 256, tuple(POLYGON_MS), RASTERS, 1),
+    full=measurements(1280, 1024, tuple(POLYGON_MS), RASTERS, 3), quick=measurements(320, 256, tuple(POLYGON_MS), RASTERS,
+                                                                                     1),
     rows=cell_rows("conservative_fragments", "fragments_discarded", "map_texels_written", "wrong", "stage.map"),
     claims=(
         *(Claim(f"{scene}: polygons take longer than discarding", f"{a} over {b} ms: {a / b:.2f}x",
@@ -131,19 +137,20 @@ T2 = Item(
               f"{RAYS[scene][0]:,} over {RAYS[scene][1]:,}: {RAYS[scene][0] / RAYS[scene][1]:.2f}x",
               ratio("rays_cast", ALL_RAYS, UNCERTAIN, scene),
               Range(RAYS[scene][0] / RAYS[scene][1] / STAND_IN_FACTOR, RAYS[scene][0] / RAYS[scene][1] * STAND_IN_FACTOR),
-              at_least(1.0), otherwise="How many samples the map settles is a property of the view: the more of it lies wholly "
+              at_least(1.0), otherwise="How many samples the map settles is a property of the view: the more of it lies "
+                                       "wholly "
               "in light or wholly in one triangle's shadow, the more"),
         Claim(f"{scene}: all rays over uncertain rays, time",
               f"{TRACED_MS[scene][0]} over {TRACED_MS[scene][1]} ms: {TRACED_MS[scene][0] / TRACED_MS[scene][1]:.2f}x",
               ratio("seconds", ALL_RAYS, UNCERTAIN, scene), at_least(1.0), at_least(1.0 / SLACK), otherwise=MAP_IS_DEAR),
         Claim(f"{scene}: all rays over uncertain rays, time of the tracing alone", "not published; expected above 1x",
-              ratio("stage.trace", ALL_RAYS, UNCERTAIN, scene), at_least(1.0), at_least(1.0 / SLACK)),
+              ratio("stage.trace", ALL_RAYS, UNCERTAIN, scene), at_least(1.0), at_least(1.0 / SLACK), otherwise=NOISE),
         Claim(f"{scene}: whole over shortened intervals, time",
               f"{TRACED_MS[scene][1]} over {TRACED_MS[scene][2]} ms: {TRACED_MS[scene][1] / TRACED_MS[scene][2]:.2f}x",
               ratio("seconds", UNCERTAIN, SHORTENED, scene), at_least(1.0), at_least(1.0 / SLACK),
-              otherwise="The map takes most of either time, and with it the noise of the machine; the stage alone gets faster"),
+              otherwise="The map takes most of either time, and its time varies more than the tracing gains"),
         Claim(f"{scene}: whole over shortened intervals, time of the tracing alone", "not published; expected above 1x",
-              ratio("stage.trace", UNCERTAIN, SHORTENED, scene), at_least(1.0), at_least(1.0 / SLACK)),
+              ratio("stage.trace", UNCERTAIN, SHORTENED, scene), at_least(1.0), at_least(1.0 / SLACK), otherwise=NOISE),
         Claim(f"{scene}: whole over shortened intervals, kd-tree nodes met", "not published; expected above 1x",
               ratio("kd_nodes", UNCERTAIN, SHORTENED, scene), at_least(1.0), at_least(1.0 / SLACK)),
         Claim(f"{scene}: wrong samples of all three", "none", lambda rows, scene=scene: mean(  # type: ignore[misc]

@@ -46,7 +46,8 @@ def write_overview(out: Path) -> None:
                f"{total['does not hold']} do not hold.")
     not_there = [f"\nNot reproduced here: {', '.join(missing)}."] if missing else []
     out.mkdir(parents=True, exist_ok=True)
-    (out / "README.md").write_text("\n".join([INTRODUCTION.rstrip(), summary, *not_there, *sections]) + "\n", encoding="utf-8")
+    (out / "README.md").write_text("\n".join([INTRODUCTION.rstrip(), summary, *not_there, *sections]) + "\n",
+                                   encoding="utf-8")
 
 
 def item_line(item: Item, verdicts: Sequence[Mapping[str, str]]) -> str:

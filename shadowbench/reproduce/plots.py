@@ -34,7 +34,7 @@ def panel_grid(n_rows: int, n_columns: int, width: float, height: float) -> tupl
     """Make a figure of rows of axes, of a size in inches each."""
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(width * n_columns, height * n_rows), layout="constrained")
-        return figure, figure.subplots(n_rows, n_columns, squeeze=False)
+        return figure, [list(row) for row in figure.subplots(n_rows, n_columns, squeeze=False)]
 
 
 def draw_lines(axes: Axes, x: Sequence[float], series: Mapping[str, Sequence[float]], title: str, y_label: str) -> None:

@@ -34,7 +34,8 @@ def where(measured: Measured) -> dict[str, int | float | str]:
     usual ones."""
     measurement, cell = measured
     light = "" if measurement.light is None else " ".join(f"{value:g}" for value in measurement.light)
-    unusual = {"height": measurement.height, "triangles": measurement.triangles, "light": light}
+    unusual: dict[str, int | float | str] = {"height": measurement.height, "triangles": measurement.triangles,
+                                             "light": light}
     return {"scene": cell.scene, "size": measurement.size, "published_size": measurement.published_size or measurement.size,
             "frame": cell.frame, "method": cell.label, **{name: value for name, value in unusual.items() if value}}
 

@@ -8,11 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
-from shadowbench import image_io
 from shadowbench.reproduce.items import Claim, Item, Measurement, Pictures, Row, at_least, at_most, view_key
-from shadowbench.reproduce.mosaic import MARKED, Crop, Tile, cut, mosaic, wrong_of
+from shadowbench.reproduce.mosaic import MARKED, Crop, Tile, mosaic, wrong_of
 from shadowbench.reproduce.rows import cell_rows, mean
 from shadowbench.reproduce.variants import variant
 
@@ -21,7 +18,8 @@ GAMES = ("crowd", "jeep", "castle")
 VOLUMES = "z_fail"
 
 FAR_FEWER = 0.5
-"""A silhouette map that is "substantially" better, or "close to" volumes, has at most this share of a shadow map's errors."""
+"""A silhouette map that is "substantially" better, or "close to" volumes, has at most this share of a shadow map's wrong
+samples."""
 
 
 def shadow_map(resolution: int) -> str:
@@ -103,12 +101,13 @@ TEXELS = 36
 
 def by_panel(rows: Sequence[Row], found: Pictures) -> list[Row]:
     """Split each row into the thirds of the image, with the wrong samples of each."""
+    from shadowbench.reproduce import tiles
+
     split: list[Row] = []
     for row in rows:
-        errors = image_io.read_exr(found[str(row["method"])]["shadow_exr"])["error"]
         for k, panel in enumerate(PANELS):
-            part = cut(errors, (k / 3.0, 0.0, (k + 1) / 3.0, 1.0))
-            shadow, light = (int(np.count_nonzero(part == kind)) for kind in (1, 2))
+            file = found[str(row["method"])]["shadow_exr"]
+            shadow, light = tiles.count_errors(file, (k / 3.0, 0.0, (k + 1) / 3.0, 1.0))
             split.append({**row, "panel": panel, "wrong": shadow + light, "false_shadow": shadow, "false_light": light})
     return split
 
@@ -128,7 +127,8 @@ F7 = Item(
     "resolution. " + MARKED + "The paper draws outlines by hand; ours are shadows of polygons.",
     full=(F7_FULL,), quick=(replace(F7_FULL, size=540, height=180, published_size=1080),),
     rows=cell_rows("silhouette_samples"), from_pictures=by_panel,
-    claims=tuple(Claim(f"Artefact where {text}: wrong samples", "shown", lambda rows, panel=panel: mean(  # type: ignore[misc]
+    claims=tuple(Claim(f"Artefact where {text}: wrong samples", "shown", lambda rows,
+                       panel=panel: mean(  # type: ignore[misc]
         rows, "wrong", method=silhouette_map(TEXELS), panel=panel), at_least(1.0), at_least(1.0), "")
         for panel, text in zip(PANELS, CLAIMED, strict=True)),
     plot=mosaic([_thirds("silhouette_points", False, silhouette_map(TEXELS), "silhouette map"),
@@ -183,7 +183,8 @@ F10_FULL = pictures("strike", 1024, 0, both_maps(F10_TEXELS))
 F10 = Item(
     "Sen.F10", PAPER, "The silhouette map as a warped grid", "Figure 10; sec. 5",
     f"Cells of depths, tinted like a chessboard, with {F10_TEXELS} texels along the side: cells beside a shadow's edge are "
-    "warped until their borders follow it, all others stay square. The paper draws a diagram; ours is the grid itself, as it "
+    "warped until their borders follow it, all others stay square. The paper draws a diagram; ours is the grid itself, as "
+    "it "
     "falls on the scene. Left: a shadow map, whose cells all stay square.",
     full=(F10_FULL,), quick=at_half_size(F10_FULL), rows=ROWS,
     claims=(better("Wrong samples of the warped grid over those of the square grid, the same depths", "matches better",

@@ -31,7 +31,8 @@ _HALF = 46.0            # half the side of the ground
 _COURT = 13.0           # from the middle to the middle of a wall
 _WALL, _TOWER = 6.5, 10.5       # heights
 
-_COLORS = {"stone": (0.56, 0.52, 0.46), "stone_dark": (0.4, 0.37, 0.34), "roof": (0.46, 0.17, 0.12), "wood": (0.3, 0.2, 0.12),
+_COLORS = {"stone": (0.56, 0.52, 0.46), "stone_dark": (0.4, 0.37, 0.34), "roof": (0.46, 0.17, 0.12), "wood": (0.3, 0.2,
+                                                                                                              0.12),
            "cloth": (0.75, 0.55, 0.1), "grass": (0.27, 0.36, 0.13)}
 
 _MERLON = box((-0.6, 0.0, -0.35), (0.6, 1.1, 0.35))

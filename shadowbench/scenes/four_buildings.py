@@ -21,7 +21,8 @@ _DEFAULT = 11_154
 _FEWEST_GROUND = 60
 _HALF, _CORNER = 44.0, 15.5     # half the side of the ground; from the crossing's middle to a building's middle
 
-_COLORS = {"brick": (0.5, 0.25, 0.18), "plaster": (0.78, 0.66, 0.47), "concrete": (0.6, 0.59, 0.57), "pale": (0.8, 0.77, 0.7),
+_COLORS = {"brick": (0.5, 0.25, 0.18), "plaster": (0.78, 0.66, 0.47), "concrete": (0.6, 0.59, 0.57), "pale": (0.8, 0.77,
+                                                                                                              0.7),
            "trim": (0.85, 0.82, 0.76), "glass": (0.09, 0.13, 0.18), "metal": (0.3, 0.32, 0.34), "wood": (0.4, 0.26, 0.15),
            "roof": (0.36, 0.17, 0.13), "asphalt": (0.26, 0.26, 0.27), "pavement": (0.5, 0.49, 0.47)}
 
@@ -47,7 +48,8 @@ def _balcony(site: Site, width: float) -> None:
 
 def _facades(site: Site, half: tuple[float, float], floors: range, storey: float, step: float,
              balconies: bool = False) -> None:
-    """Windows on all four sides of a block; a balcony under every other window towards +z, where wanted; at least `step` metres apart."""
+    """Windows on all four sides of a block; a balcony under every other window towards +z, where wanted. They are at
+    least `step` metres apart."""
     for turn in (0, 90, 180, 270):
         across, out = half if turn % 180 == 0 else half[::-1]
         n = int((2.0 * across - 1.0) / step)
@@ -140,7 +142,8 @@ def _office(site: Site, half: tuple[float, float], detail: float) -> None:
     _cornices(site, half, (height,), "concrete")
     for x in (-3.4, 0.4, 3.6):
         site.add(box((x - 1.2, height, -1.4), (x + 1.2, height + 1.5, 1.2)), "metal")
-        site.add(lathe([(0.7, 0.0), (0.7, 0.3)], rounds(detail, 12), bottom=True, top=True).moved(x, height + 1.5, 0.0), "metal")
+        site.add(lathe([(0.7, 0.0), (0.7, 0.3)], rounds(detail, 12), bottom=True, top=True).moved(x, height + 1.5, 0.0),
+                 "metal")
 
 
 def _street(builder: MeshBuilder, detail: float) -> None:
@@ -157,7 +160,8 @@ def _street(builder: MeshBuilder, detail: float) -> None:
                 site.add(bollard.moved(x * 2.2 * (k + 1), 0.0, -0.3 * z), "metal")
             site.add(box((x * 4.0 - 0.9, 0.4, z * 1.6 - 0.25), (x * 4.0 + 0.9, 0.5, z * 1.6 + 0.25)), "wood")
             for end in (-0.7, 0.7):
-                site.add(box((x * 4.0 + end - 0.08, 0.0, z * 1.6 - 0.2), (x * 4.0 + end + 0.08, 0.4, z * 1.6 + 0.2)), "metal")
+                site.add(box((x * 4.0 + end - 0.08, 0.0, z * 1.6 - 0.2), (x * 4.0 + end + 0.08, 0.4, z * 1.6 + 0.2)),
+                         "metal")
 
 
 def _build(detail: float) -> MeshBuilder:

@@ -14,12 +14,7 @@ Height = Callable[[FloatArray, FloatArray], FloatArray]
 """Height over (x, z)."""
 
 
-def level(y: float) -> Height:
-    """Level ground."""
-    return lambda x, z: np.full_like(x, y)
-
-
-def ground(x: tuple[float, float], z: tuple[float, float], n: int, height: Height = level(0.0)) -> Shape:
+def ground(x: tuple[float, float], z: tuple[float, float], n: int, height: Height | None = None) -> Shape:
     """Height field of exactly `n` triangles, at least 2, in nearly square cells, facing up.
 
     The row at the smallest z takes the odd ones: its far border has as many points as it takes.
@@ -27,6 +22,7 @@ def ground(x: tuple[float, float], z: tuple[float, float], n: int, height: Heigh
     Parameters
     ----------
     x, z : smallest and largest coordinate.
+    height : None for level ground at y = 0.
     """
     columns = math.isqrt(int(n * (x[1] - x[0]) / (2.0 * (z[1] - z[0]))))
     columns = max(1, min(columns, n - 1))
@@ -36,7 +32,8 @@ def ground(x: tuple[float, float], z: tuple[float, float], n: int, height: Heigh
     grid_x, grid_z = (a.ravel() for a in np.meshgrid(across, along[1:]))
     far_x = np.linspace(*x, far + 1)
     points_x, points_z = np.concatenate([far_x, grid_x]), np.concatenate([np.full(far + 1, z[0]), grid_z])
-    vertices = np.stack([points_x, height(points_x, points_z), points_z], axis=1)
+    y = np.zeros_like(points_x) if height is None else height(points_x, points_z)
+    vertices = np.stack([points_x, y, points_z], axis=1)
     triangles = np.concatenate([_ribbon(far, columns), grid(columns, rows - 1) + far + 1])
     return Shape(vertices, triangles)
 

@@ -26,7 +26,8 @@ _TOP = 0.9                              # height of the worktops
 _LAMP = (0.1, 1.86, 0.2)
 
 _COLORS = {"wall": (0.8, 0.74, 0.6), "ceiling": (0.82, 0.8, 0.75), "floor": (0.5, 0.34, 0.24), "tile": (0.62, 0.7, 0.7),
-           "wood": (0.42, 0.27, 0.15), "wood_light": (0.62, 0.45, 0.26), "cabinet": (0.36, 0.46, 0.42), "top": (0.7, 0.67, 0.62),
+           "wood": (0.42, 0.27, 0.15), "wood_light": (0.62, 0.45, 0.26), "cabinet": (0.36, 0.46, 0.42), "top": (0.7, 0.67,
+                                                                                                                0.62),
            "steel": (0.55, 0.56, 0.58), "iron": (0.1, 0.1, 0.11), "china": (0.86, 0.85, 0.8), "blue": (0.2, 0.32, 0.55),
            "glass": (0.25, 0.42, 0.33), "copper": (0.64, 0.33, 0.2), "clay": (0.6, 0.34, 0.22), "red": (0.66, 0.13, 0.09),
            "green": (0.3, 0.45, 0.12), "bread": (0.66, 0.46, 0.24)}
@@ -129,7 +130,8 @@ def _build(detail: float, seed: int) -> MeshBuilder:
     _shell(builder)
     _tiles(builder)
     back = Site.at(builder, 0.0, 0.0, -_Z)
-    for x, width, drawers in ((-3.1, 0.8, True), (-0.95, 0.9, False), (-0.05, 0.9, True), (0.85, 0.9, False), (1.75, 0.9, False),
+    for x, width, drawers in ((-3.1, 0.8, True), (-0.95, 0.9, False), (-0.05, 0.9, True), (0.85, 0.9, False), (1.75, 0.9,
+                                                                                                               False),
                               (2.75, 1.1, True)):
         _cabinet(back.inner(x, 0.0, 0.0), width, drawers, detail)
     _stove(back.inner(-2.05, 0.0, 0.0), detail)

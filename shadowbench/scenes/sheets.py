@@ -32,12 +32,14 @@ def generate(triangles: int, seed: int) -> ProceduralScene:
     rng = np.random.default_rng(seed)
     builder = MeshBuilder(_COLORS)
     sheet = box((-4.0, 0.0, -4.0), (4.0, 1.0, 4.0), ("-x", "+x", "+y", "-z", "+z"))
-    offsets = np.stack([rng.uniform(-0.1, 0.1, N_SHEETS), 4.0 + 0.01 * np.arange(N_SHEETS), rng.uniform(-0.1, 0.1, N_SHEETS)],
+    offsets = np.stack([rng.uniform(-0.1, 0.1, N_SHEETS), 4.0 + 0.01 * np.arange(N_SHEETS), rng.uniform(-0.1, 0.1,
+                                                                                                        N_SHEETS)],
                        axis=1)
     builder.add(copies(sheet, offsets), "sheet")
     for x in (-1.6, 1.6):
         for z in (-1.6, 1.6):
             builder.add(box((x - 0.2, 0.0, z - 0.2), (x + 0.2, 2.2, z + 0.2)), "post")
     builder.add(ground((-12.0, 12.0), (-12.0, 12.0), triangles - builder.n_triangles), "floor")
-    return ProceduralScene(builder.mesh(), [(0.6, 3.2, 2.6), (-2.2, 3.0, 1.4)], [(0.0, 0.2, 0.0), (0.0, 0.4, 0.0)], closed=False,
+    return ProceduralScene(builder.mesh(), [(0.6, 3.2, 2.6), (-2.2, 3.0, 1.4)], [(0.0, 0.2, 0.0), (0.0, 0.4, 0.0)],
+                           closed=False,
                            fov_y=60.0, near=0.1, far=60.0, light=Light.point(0.5, 14.0, 0.3))
