@@ -136,7 +136,8 @@ T2 = Item(
         Claim(f"{scene}: all rays over uncertain rays, number",
               f"{RAYS[scene][0]:,} over {RAYS[scene][1]:,}: {RAYS[scene][0] / RAYS[scene][1]:.2f}x",
               ratio("rays_cast", ALL_RAYS, UNCERTAIN, scene),
-              Range(RAYS[scene][0] / RAYS[scene][1] / STAND_IN_FACTOR, RAYS[scene][0] / RAYS[scene][1] * STAND_IN_FACTOR),
+              Range(max(RAYS[scene][0] / RAYS[scene][1] / STAND_IN_FACTOR, 1.0),
+                    RAYS[scene][0] / RAYS[scene][1] * STAND_IN_FACTOR),
               at_least(1.0), otherwise="How many samples the map settles is a property of the view: the more of it lies "
                                        "wholly "
               "in light or wholly in one triangle's shadow, the more"),
