@@ -63,7 +63,7 @@ def plot(evidence: Evidence, folder: Path) -> None:
             plots.draw_line(panel, x, y, f"{name}: {slope:.2f}", color)
         panel.set(title=f"{scene}: exponents of all operations", xlabel=unit, ylabel="operations", xscale="log",
                   yscale="log")
-        panel.legend(frameon=False, fontsize=7)
+        panel.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     plots.save(figure, folder)
 
 
