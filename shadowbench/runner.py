@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from shadowbench import accuracy, jit
 from shadowbench.algorithms import PEERS
-from shadowbench.algorithms.base import Algorithm, ShadowBuffer
-from shadowbench.algorithms.reference import reference_frame
+from shadowbench.algorithms.base import Algorithm, ShadowBuffer, Transparency
+from shadowbench.algorithms.reference import lets_light_through
 from shadowbench.geometry import Frame
+from shadowbench.judge import LIGHT_TOLERANCE, Judge, Truth, classify
 from shadowbench.plan import Cell, RunOptions
 from shadowbench.probe import Probe
 from shadowbench.progress import Progress
@@ -32,14 +33,6 @@ from shadowbench.report.remarks import remarks
 from shadowbench.results import AccuracyRecord, CellFolder, CellResult, RunFolder, RunFolderError, RunStatus
 from shadowbench.scenes.loader import Scene
 from shadowbench.view_samples import render_view_samples
-
-
-@dataclass
-class Truth:
-    """The reference's answer for one frame and one set of casters."""
-
-    shadow: NDArray[np.float32]
-    ambiguous: NDArray[np.bool_]
 
 
 @dataclass
@@ -136,16 +129,16 @@ class Measurer:
         if "images" in self.options.only:
             with self._clock("images"):
                 pictures.write_gbuffer(self.folder.image_folder(index), frame)
-        truths: dict[bytes, Truth] = {}
+        judge = Judge(frame)
         for cell in cells:
             self.progress.step(f"frame {index}: {cell.label}")
-            result = self._run_cell(cell, frame, truths)
+            result = self._run_cell(cell, frame, judge)
             self.folder.append(result)
             self.progress.finished(f"frame {index} {cell.label}: {outcome(result)}")
             if result.status == "failed" and not self.options.keep_going:
                 raise StopRun
 
-    def _run_cell(self, cell: Cell, frame: Frame, truths: dict[bytes, Truth]) -> CellResult:
+    def _run_cell(self, cell: Cell, frame: Frame, judge: Judge) -> CellResult:
         """Run one cell; whatever goes wrong inside it becomes its reason."""
         start = time.perf_counter()
         result = empty_result(cell, self.scene)
@@ -153,7 +146,7 @@ class Measurer:
             reason = cell.algorithm.unsupported(self.scene)
             if reason is not None:
                 return result.model_copy(update={"status": "unsupported", "reason": reason})
-            self._measure(cell, frame, truths, result)
+            self._measure(cell, frame, judge, result)
         except RunFolderError:
             raise
         except Exception as error:
@@ -161,7 +154,7 @@ class Measurer:
         result.wall_seconds = round(time.perf_counter() - start - result.jit_seconds, 6)
         return result
 
-    def _measure(self, cell: Cell, frame: Frame, truths: dict[bytes, Truth], result: CellResult) -> None:
+    def _measure(self, cell: Cell, frame: Frame, judge: Judge, result: CellResult) -> None:
         """Fill in counts, accuracy, timings and pictures."""
         algorithm = cell.algorithm
         compiled_before = self.seconds["compilation"]
@@ -172,7 +165,7 @@ class Measurer:
             buffer = algorithm.shadows(frame, probe)
         _check_buffer(buffer, frame)
         result.counts, result.levels, result.largest = probe.all_counts(), probe.levels, probe.largest
-        errors = self._verify(cell, frame, buffer, truths, result) if self.options.verify else None
+        errors = self._verify(cell, frame, buffer, judge, result) if self.options.verify else None
         if "counts" not in self.options.only:
             result.counts, result.levels, result.largest = {}, {}, {}
         if "timings" in self.options.only:
@@ -186,17 +179,18 @@ class Measurer:
                 files = pictures.write_shadow_pictures(folder, frame, buffer, errors, probe.heat, cell.label)
                 result.files = {name: path.relative_to(self.folder.path).as_posix() for name, path in files.items()}
 
-    def _verify(self, cell: Cell, frame: Frame, buffer: ShadowBuffer, truths: dict[bytes, Truth], result: CellResult
+    def _verify(self, cell: Cell, frame: Frame, buffer: ShadowBuffer, judge: Judge, result: CellResult
                 ) -> NDArray[np.uint32]:
         """Compare with the reference over the same casters; fills in the accuracy, returns each sample's `ErrorClass`."""
-        casters = cell.algorithm.casters(frame)
-        truth = self._truth(frame, casters, truths)
-        errors = accuracy.classify(buffer.shadow, truth.shadow, truth.ambiguous, frame.samples.candidate)
+        casters, mode = cell.algorithm.casters(frame), cell.algorithm.judged_as(frame)
+        truth = self._truth(judge, casters, mode)
+        errors = classify(cell.algorithm, buffer, truth, frame)
         measured = accuracy.measure(buffer.shadow, errors, truth.ambiguous, frame.samples.candidate)
         result.accuracy = AccuracyRecord(**asdict(measured))
         if casters is not None:
-            everything = self._truth(frame, None, truths)
-            result.accuracy.caster_difference = int(np.count_nonzero(truth.shadow != everything.shadow))
+            result.accuracy.caster_difference = _differing(truth, self._truth(judge, None, mode))
+        if mode == "off" and lets_light_through(frame, "alpha"):
+            result.accuracy.transparency_difference = _differing(truth, self._truth(judge, casters, "alpha"))
         if cell.name in PEERS:
             path = self.folder.image_folder(cell.frame, cell.label) / "differences.csv"
             path.write_text(accuracy.list_differences(frame, buffer.shadow, truth.shadow, truth.ambiguous))
@@ -232,18 +226,18 @@ class Measurer:
             if not np.array_equal(buffer.shadow, expected.shadow):
                 raise RuntimeError("two executions on the same input gave different shadows")
 
-    def _truth(self, frame: Frame, casters: NDArray[np.bool_] | None, truths: dict[bytes, Truth]) -> Truth:
-        """Return the reference's answer for a set of casters, computed once per frame."""
-        key = b"all" if casters is None else np.packbits(casters).tobytes()
-        if key not in truths:
-            with self._clock("reference"):
-                truths[key] = Truth(*reference_frame(frame, Probe(), casters))
-            n_ambiguous = int(np.count_nonzero(truths[key].ambiguous))
-            n_candidates = int(np.count_nonzero(frame.samples.candidate))
-            if n_ambiguous > accuracy.AMBIGUOUS_WARNING_SHARE * n_candidates:
-                self._warn(f"{n_ambiguous} of {n_candidates} lit candidates are ambiguous: their answer hangs on the "
-                           "last digits, so mismatches there count as edge ties")
-        return truths[key]
+    def _truth(self, judge: Judge, casters: NDArray[np.bool_] | None, mode: Transparency) -> Truth:
+        """Return the reference's answer, computed once per frame."""
+        if judge.knows(casters, mode):
+            return judge.truth(casters, mode)
+        with self._clock("reference"):
+            truth = judge.truth(casters, mode)
+        n_ambiguous = int(np.count_nonzero(truth.ambiguous))
+        n_candidates = int(np.count_nonzero(judge.frame.samples.candidate))
+        if n_ambiguous > accuracy.AMBIGUOUS_WARNING_SHARE * n_candidates:
+            self._warn(f"{n_ambiguous} of {n_candidates} lit candidates are ambiguous: their answer hangs on the "
+                       "last digits, so mismatches there count as edge ties")
+        return truth
 
     def _warn(self, text: str) -> None:
         """Keep a warning for run.json and print it, once."""
@@ -294,6 +288,11 @@ def empty_result(cell: Cell, scene: Scene) -> CellResult:
 def failed_result(cell: Cell, scene: Scene, reason: str) -> CellResult:
     """Make the result of a cell that failed."""
     return empty_result(cell, scene).model_copy(update={"status": "failed", "reason": reason})
+
+
+def _differing(one: Truth, other: Truth) -> int:
+    """Number of samples whose answers differ."""
+    return int(np.count_nonzero(np.abs(one.shadow - other.shadow) > LIGHT_TOLERANCE))
 
 
 def _check_buffer(buffer: ShadowBuffer, frame: Frame) -> None:

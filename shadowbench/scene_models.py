@@ -57,6 +57,7 @@ class MaterialConfig(Section):
     alpha: Unit | None = Field(None, description="opacity in 0..1; 1 is opaque")
     alpha_texture: StrictStr | None = Field(None, description="image whose alpha multiplies the opacity")
     alpha_cutoff: Unit | None = Field(None, description="opacity below which a texel is clear; blended without it")
+    color_texture: StrictStr | None = Field(None, description="image whose colour multiplies the base colour")
 
 
 class PoseKey(Section):
