@@ -52,3 +52,17 @@ def transparent_soup(seed: int, n: int = 60, image: ImageSize | None = None) -> 
     light = Light.directional(*rng.normal(size=2), -3) if rng.random() < 0.3 else Light.point(*rng.normal(size=2), 6)
     camera = Camera((*(rng.normal(size=2) * 4), 7.0), (*rng.normal(size=2), -3.0), (0.1, 1, 0.2), rng.uniform(40, 90), 0.05)
     return frame_of(mesh, light, camera, image or ImageSize(64, 48))
+
+
+def crossings(corners, light, p, bias):
+    """Triangles that the light crosses on its way to a point, and the barycentric coordinates (1 - u - v, u, v) there.
+
+    By solving p + s (L - w p) = a + u (b - a) + v (c - a), in float64: fit for points that are far from any edge.
+    """
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    towards = np.broadcast_to(light[3] * p - light[:3], a.shape)
+    s, u, v = np.linalg.solve(np.stack([towards, b - a, c - a], axis=2), (p - a)[..., None])[..., 0].T
+    normal = np.cross(b - a, c - a)
+    distance = s * np.abs((normal * towards).sum(axis=1)) / np.sqrt((normal * normal).sum(axis=1))
+    hit = np.flatnonzero((u >= 0) & (v >= 0) & (u + v <= 1) & (distance > bias))
+    return hit, np.stack([1 - u - v, u, v], axis=1)[hit]
