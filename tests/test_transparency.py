@@ -91,10 +91,10 @@ def test_textures_are_looked_up_with_bilinear_filtering(rows, columns, wrap, uv)
     expected = sum(texel(row + j, column + i) * (1 - abs(x - column - i)) * (1 - abs(y - row - j))
                    for i in (0, 1) for j in (0, 1))
     np.testing.assert_allclose(look_up(image, np.array([uv]))[0], expected, atol=1e-9)
-    optics_textures = transparency.Textures(
-        image.pixels.reshape(-1, 4), *(np.array([v]) for v in (0, columns, rows)),
-        *(np.array([("repeat", "clamp", "mirror").index(w)]) for w in wrap))
-    np.testing.assert_allclose(transparency.look_up(optics_textures, 0, *uv), expected, atol=1e-9)
+    wraps = (("repeat", "clamp", "mirror").index(w) for w in wrap)
+    *places, fx, fy = transparency.texel_places(columns, rows, *wraps, *uv)
+    weights = np.array([(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy])
+    np.testing.assert_allclose(weights @ image.pixels.reshape(-1, 4)[places], expected, atol=1e-9)
 
 
 @pytest.mark.parametrize(("method", "params"), BOTH)

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.kernels.lanes import lowest_bit
 from shadowbench.kernels.vectors import add, corner, cross, dot, minus, scaled, store_row, vector
 
 N_WORKERS = 64
@@ -203,43 +204,17 @@ def _texel(index, size, wrap):
 
 
 @kernel
-def look_up(textures, texture, u, v):
-    """Look a texture up with bilinear filtering: red, green, blue, opacity. Texel centres are at half-integers."""
-    columns, rows, first = textures.columns[texture], textures.rows[texture], textures.first[texture]
+def texel_places(columns, rows, wrap_x, wrap_y, u, v):
+    """The four texels of a bilinear lookup, row by row from the first, and how far the point lies from the first of them.
+
+    Texel centres are at half-integers.
+    """
     x, y = u * columns - 0.5, (1.0 - v) * rows - 0.5
     column, row = np.floor(x), np.floor(y)
-    fx, fy = x - column, y - row
     left, above = np.int64(column), np.int64(row)
-    x0, x1 = _texel(left, columns, textures.wrap_x[texture]), _texel(left + 1, columns, textures.wrap_x[texture])
-    y0, y1 = _texel(above, rows, textures.wrap_y[texture]), _texel(above + 1, rows, textures.wrap_y[texture])
-    a, b = first + y0 * columns + x0, first + y0 * columns + x1
-    c, d = first + y1 * columns + x0, first + y1 * columns + x1
-    texels, gx, gy = textures.texels, 1.0 - fx, 1.0 - fy
-    return ((texels[a, 0] * gx + texels[b, 0] * fx) * gy + (texels[c, 0] * gx + texels[d, 0] * fx) * fy,
-            (texels[a, 1] * gx + texels[b, 1] * fx) * gy + (texels[c, 1] * gx + texels[d, 1] * fx) * fy,
-            (texels[a, 2] * gx + texels[b, 2] * fx) * gy + (texels[c, 2] * gx + texels[d, 2] * fx) * fy,
-            (texels[a, 3] * gx + texels[b, 3] * fx) * gy + (texels[c, 3] * gx + texels[d, 3] * fx) * fy)
-
-
-@kernel
-def passing_at(optics, k, x, y, r):
-    """Share of red, green and blue that a textured caster lets through to a sample of its frustum, in proj space."""
-    rows, m = optics.uv_rows, optics.surface[k]
-    u = (rows[k, 0, 0] * x + (rows[k, 0, 1] * y + rows[k, 0, 3])) + rows[k, 0, 2] * r
-    v = (rows[k, 1, 0] * x + (rows[k, 1, 1] * y + rows[k, 1, 3])) + rows[k, 1, 2] * r
-    factor = (rows[k, 2, 0] * x + (rows[k, 2, 1] * y + rows[k, 2, 3])) + rows[k, 2, 2] * r
-    u, v = u / factor, v / factor
-    p0, p1, p2, covered = optics.passing[m, 0], optics.passing[m, 1], optics.passing[m, 2], 1.0
-    if optics.opacity_texture[m] != NO_TEXTURE:
-        covered = look_up(optics.textures, optics.opacity_texture[m], u, v)[3]
-    if optics.cutoff[m] != NO_CUTOFF:
-        clear = 0.0 if covered * optics.alpha[m] >= optics.cutoff[m] else 1.0
-        return clear, clear, clear
-    if optics.color_texture[m] != NO_TEXTURE:
-        red, green, blue, _ = look_up(optics.textures, optics.color_texture[m], u, v)
-        p0, p1, p2 = p0 * red, p1 * green, p2 * blue
-    clear = 1.0 - covered
-    return clear + covered * p0, clear + covered * p1, clear + covered * p2
+    x0, x1 = _texel(left, columns, wrap_x), _texel(left + 1, columns, wrap_x)
+    y0, y1 = _texel(above, rows, wrap_y) * columns, _texel(above + 1, rows, wrap_y) * columns
+    return y0 + x0, y0 + x1, y1 + x0, y1 + x1, x - column, y - row
 
 
 @kernel
@@ -260,19 +235,66 @@ def draw(seed, sample, triangle):
 
 
 @kernel
-def shade_sample(optics, through, k, sample, x, y, r):
-    """Let a caster shade a sample of its frustum; True if the sample is in shadow by chance."""
-    m = optics.surface[k]
-    p = optics.passing[m, 0], optics.passing[m, 1], optics.passing[m, 2]
-    if optics.varies[m]:
-        p = passing_at(optics, k, x, y, r)
-    if optics.by_chance:
-        return draw(optics.seed, sample, optics.triangle[k]) < 1.0 - p[0]
-    through.samples[sample, 0] *= np.float32(p[0])
-    if optics.n_channels == 3:
-        through.samples[sample, 1] *= np.float32(p[1])
-        through.samples[sample, 2] *= np.float32(p[2])
-    return False
+def shade_samples(optics, through, k, inside, x0, y0, width, plane_x, plane_y, depth):
+    """Let a caster shade samples of its frustum; returns the bits of those that are in shadow by chance.
+
+    One function, because a call takes a reference count for each array in the records that it passes.
+
+    Parameters
+    ----------
+    k : the caster's frustum.
+    inside : uint64, bits of the samples of a tile, row by row.
+    x0, y0, width : the tile's first column and row of samples, and its columns.
+    plane_x, plane_y, depth : float64, position of each column and row of samples, and depth of each sample.
+    """
+    m, rows, textures, samples = optics.surface[k], optics.uv_rows, optics.textures, through.samples
+    whole0, whole1, whole2 = optics.passing[m, 0], optics.passing[m, 1], optics.passing[m, 2]
+    varies, cutoff, alpha = optics.varies[m], optics.cutoff[m], optics.alpha[m]
+    opacity_texture, color_texture = optics.opacity_texture[m], optics.color_texture[m]
+    texels, n_columns, dark = textures.texels, len(plane_x), np.uint64(0)
+    u0, u1, u2, u3 = rows[k, 0, 0], rows[k, 0, 1], rows[k, 0, 2], rows[k, 0, 3]
+    v0, v1, v2, v3 = rows[k, 1, 0], rows[k, 1, 1], rows[k, 1, 2], rows[k, 1, 3]
+    w0, w1, w2, w3 = rows[k, 2, 0], rows[k, 2, 1], rows[k, 2, 2], rows[k, 2, 3]
+    while inside != 0:
+        lane = lowest_bit(inside)
+        inside &= inside - _ONE
+        column, row = x0 + lane % width, y0 + lane // width
+        sample = row * n_columns + column
+        p0, p1, p2 = whole0, whole1, whole2
+        if varies:
+            # Where the sample's light crosses the triangle
+            x, y, r = plane_x[column], plane_y[row], 1.0 / depth[sample]
+            factor = (w0 * x + (w1 * y + w3)) + w2 * r
+            u, v = ((u0 * x + (u1 * y + u3)) + u2 * r) / factor, ((v0 * x + (v1 * y + v3)) + v2 * r) / factor
+            if color_texture != NO_TEXTURE:
+                t = color_texture
+                a, b, c, d, fx, fy = texel_places(textures.columns[t], textures.rows[t], textures.wrap_x[t],
+                                                  textures.wrap_y[t], u, v)
+                a, b, c, d = a + textures.first[t], b + textures.first[t], c + textures.first[t], d + textures.first[t]
+                gx, gy = 1.0 - fx, 1.0 - fy
+                p0 *= (texels[a, 0] * gx + texels[b, 0] * fx) * gy + (texels[c, 0] * gx + texels[d, 0] * fx) * fy
+                p1 *= (texels[a, 1] * gx + texels[b, 1] * fx) * gy + (texels[c, 1] * gx + texels[d, 1] * fx) * fy
+                p2 *= (texels[a, 2] * gx + texels[b, 2] * fx) * gy + (texels[c, 2] * gx + texels[d, 2] * fx) * fy
+            if opacity_texture != NO_TEXTURE:
+                t = opacity_texture
+                a, b, c, d, fx, fy = texel_places(textures.columns[t], textures.rows[t], textures.wrap_x[t],
+                                                  textures.wrap_y[t], u, v)
+                a, b, c, d = a + textures.first[t], b + textures.first[t], c + textures.first[t], d + textures.first[t]
+                gx, gy = 1.0 - fx, 1.0 - fy
+                covered = (texels[a, 3] * gx + texels[b, 3] * fx) * gy + (texels[c, 3] * gx + texels[d, 3] * fx) * fy
+                if cutoff != NO_CUTOFF:
+                    covered, p0, p1, p2 = 1.0 if covered * alpha >= cutoff else 0.0, 0.0, 0.0, 0.0
+                clear = 1.0 - covered
+                p0, p1, p2 = clear + covered * p0, clear + covered * p1, clear + covered * p2
+        if optics.by_chance:
+            if draw(optics.seed, sample, optics.triangle[k]) < 1.0 - p0:
+                dark |= _ONE << np.uint64(lane)
+            continue
+        samples[sample, 0] *= np.float32(p0)
+        if optics.n_channels == 3:
+            samples[sample, 1] *= np.float32(p1)
+            samples[sample, 2] *= np.float32(p2)
+    return dark
 
 
 @kernel

@@ -20,7 +20,7 @@ from shadowbench.kernels.lanes import (
 )
 from shadowbench.kernels.shadow_frustum import EYE_ROW, ROW_SIZE, WEDGE_ROW, inside_in_float64
 from shadowbench.kernels.tile_traversal import RootTests
-from shadowbench.kernels.transparency import add_root_counts, shade_node, shade_sample
+from shadowbench.kernels.transparency import add_root_counts, shade_node, shade_samples
 
 N_WORKERS = 64
 """Parts that the frusta's root tests, and the clusters of the merge, are cut into."""
@@ -87,20 +87,6 @@ def _test_tile(samples, leaves, cluster, frusta, k, candidates, depth):
 
 
 @kernel
-def _shade_tile(samples, leaves, cluster, optics, through, k, inside, depth):
-    """Let a caster shade samples of a cluster; returns those in shadow by chance."""
-    dark, first_x, first_y = np.uint64(0), leaves.x0[cluster], leaves.y0[cluster] // TILE
-    while inside != 0:
-        lane = lowest_bit(inside)
-        inside &= inside - _ONE
-        x, y = first_x + lane % TILE, first_y + lane // TILE
-        sample = y * len(samples.plane_x) + x
-        if shade_sample(optics, through, k, sample, samples.plane_x[x], samples.plane_y[y], 1.0 / depth[sample]):
-            dark |= _ONE << np.uint64(lane)
-    return dark
-
-
-@kernel
 def _traverse_child(nodes, leaves, samples, frusta, optics, rules, tests, depth, shadow, through, worker, counts):
     """Walk all frusta through the root's child `worker`."""
     top, n_inner = nodes.first_child[0] + worker, len(nodes.first_child)
@@ -150,7 +136,8 @@ def _traverse_child(nodes, leaves, samples, frusta, optics, rules, tests, depth,
                         counts.frustum_tests[worker, k] += n_tests
                 if reached == 0:
                     continue
-                dark = _shade_tile(samples, leaves, cluster, optics, through, k, reached, depth)
+                dark = shade_samples(optics, through, k, reached, leaves.x0[cluster], leaves.y0[cluster] // TILE, TILE,
+                                     samples.plane_x, samples.plane_y, depth)
                 shadow.samples[cluster] |= dark
                 if counts is not None:
                     counts.updates[node] += count_bits(reached)

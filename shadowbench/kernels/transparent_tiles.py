@@ -27,28 +27,13 @@ from shadowbench.kernels.tile_traversal import (
     test_root,
     unpack,
 )
-from shadowbench.kernels.transparency import add_root_counts, shade_node, shade_sample
+from shadowbench.kernels.transparency import add_root_counts, shade_node, shade_samples
 
 N_WORKERS = 64
 """Parts that the rows of the merge are cut into."""
 
 _INSIDE = np.int64(1) << 62     # marks a stack entry that lies inside the frustum
 _ONE = np.uint64(1)
-
-
-@kernel
-def _shade_tile(tree, optics, through, k, row, column, inside, depth):
-    """Let a caster shade samples of a tile; returns those in shadow by chance."""
-    level = tree.levels[-1]
-    dark = np.uint64(0)
-    while inside != 0:
-        lane = lowest_bit(inside)
-        inside &= inside - _ONE
-        y, x = row * level.grid_y + lane // level.grid_x, column * level.grid_x + lane % level.grid_x
-        sample = y * len(tree.plane_x) + x
-        if shade_sample(optics, through, k, sample, tree.plane_x[x], tree.plane_y[y], 1.0 / depth[sample]):
-            dark |= _ONE << np.uint64(lane)
-    return dark
 
 
 @kernel
@@ -141,7 +126,8 @@ def _traverse_tile(tree, frusta, optics, planes, tests, depth, shadow, through, 
                             counts.root[worker, 3] += 1
             if index == last:
                 if reached != 0:
-                    dark = _shade_tile(tree, optics, through, k, row, column, reached, depth)
+                    dark = shade_samples(optics, through, k, reached, column * level.grid_x, row * level.grid_y,
+                                         level.grid_x, tree.plane_x, tree.plane_y, depth)
                     shadow.samples[tile] |= dark
                     if counts is not None:
                         counts.updates[node] += count_bits(reached)
