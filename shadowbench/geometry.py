@@ -241,11 +241,22 @@ class Camera:
 
 @dataclass(frozen=True)
 class ImageSize:
-    """Pixels of the image and view samples per pixel."""
+    """Pixels of the image, and how they are sampled.
+
+    Attributes
+    ----------
+    width, height : pixels.
+    samples : view samples per pixel.
+    sampling : where the samples of a pixel lie: each on the surface that it sees, or all in the plane of the surface that
+        the pixel's centre sees, where the derivatives of its depth say.
+    layers : transparent surfaces behind each other that are shaded, the nearest first.
+    """
 
     width: int = 1024
     height: int = 1024
     samples: int = 1
+    sampling: Literal["surface", "derivative"] = "surface"
+    layers: int = 1
 
     @property
     def columns(self) -> int:
@@ -299,6 +310,8 @@ class Frame:
     bias : world distance by which a sample must lie behind a triangle's plane to be shadowed by it.
     pixel_footprint : side of a pixel at depth 1, world units; multiply by a sample's depth.
     prepared : what the algorithm's own `prepare` returned for `mesh`.
+    deeper : the frame's further layers of surfaces behind transparent ones, with samples of their own.
+    supersampled : where `samples` are spread by derivatives, the samples on the surfaces that they would see; else None.
     """
 
     mesh: Mesh
@@ -308,6 +321,13 @@ class Frame:
     samples: ViewSamples
     bias: float
     prepared: Any = None
+    deeper: tuple[Frame, ...] = ()
+    supersampled: ViewSamples | None = None
+
+    @property
+    def layers(self) -> tuple[Frame, ...]:
+        """This frame and its deeper layers."""
+        return (self, *self.deeper)
 
     @property
     def pixel_footprint(self) -> float:

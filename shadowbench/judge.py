@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from shadowbench.algorithms.base import Algorithm, ShadowBuffer, Transparency
 from shadowbench.algorithms.reference import lets_light_through, reference_frame, transparent_frame
 from shadowbench.geometry import FloatArray, Frame
 from shadowbench.probe import Probe
+from shadowbench.view_samples import resolve_to_pixels
 
 LIGHT_TOLERANCE = 1e-5
 """Greatest difference of a share of light that is no error: float32 products of some hundred factors stay far below."""
@@ -70,8 +71,22 @@ def classify(algorithm: Algorithm, buffer: ShadowBuffer, truth: Truth, frame: Fr
     return errors
 
 
+def antialiasing_difference(frame: Frame, truth: Truth, supersampled: Truth) -> FloatArray:
+    """How much darker derivative antialiasing makes each pixel than supersampling does, float64 (height, width).
+
+    Exactly right answers are compared, so only the scheme itself differs: it is wrong by design where a pixel sees more
+    than one surface.
+    Parameters
+    ----------
+    truth, supersampled : for the samples spread by derivatives, and for those on the surfaces that they see.
+    """
+    assert frame.supersampled is not None
+    darker = resolve_to_pixels(truth.shadow, frame.image) - resolve_to_pixels(supersampled.shadow, frame.image)
+    return np.where(np.abs(darker) > LIGHT_TOLERANCE, darker, 0.0)
+
+
 class Judge:
-    """Remembers the reference's answers of one frame.
+    """Remembers the reference's answers of one frame, layer by layer.
 
     Parameters
     ----------
@@ -80,18 +95,28 @@ class Judge:
 
     def __init__(self, frame: Frame) -> None:
         self.frame = frame
-        self._truths: dict[tuple[bytes, Transparency], Truth] = {}
+        self._truths: dict[tuple[bytes, Transparency], list[Truth]] = {}
+        self._supersampled: dict[tuple[bytes, Transparency], Truth] = {}
 
     def knows(self, casters: NDArray[np.bool_] | None, mode: Transparency) -> bool:
         """True if the answer needs no computing."""
         return self._key(casters, mode) in self._truths
 
-    def truth(self, casters: NDArray[np.bool_] | None, mode: Transparency) -> Truth:
-        """The reference's answer, computed once."""
+    def truths(self, casters: NDArray[np.bool_] | None, mode: Transparency) -> list[Truth]:
+        """The reference's answer for each layer, computed once."""
         key = self._key(casters, mode)
         if key not in self._truths:
-            self._truths[key] = find_truth(self.frame, casters, key[1])
+            self._truths[key] = [find_truth(layer, casters, key[1]) for layer in self.frame.layers]
         return self._truths[key]
+
+    def supersampled(self, casters: NDArray[np.bool_] | None, mode: Transparency) -> Truth:
+        """The reference's answer for the samples that derivatives stand for, computed once."""
+        key = self._key(casters, mode)
+        if key not in self._supersampled:
+            assert self.frame.supersampled is not None
+            frame = replace(self.frame, samples=self.frame.supersampled)
+            self._supersampled[key] = find_truth(frame, casters, key[1])
+        return self._supersampled[key]
 
     def _key(self, casters: NDArray[np.bool_] | None, mode: Transparency) -> tuple[bytes, Transparency]:
         """What the answer depends on: modes that come to the same in this scene share it."""

@@ -51,6 +51,8 @@ class AccuracyRecord(BaseModel):
     transparency_difference: int | None = Field(
         None, description="samples whose answer changes because casters that let light through are taken as opaque; None "
         "if there are none, or they are taken as what they are")
+    antialiasing_difference: int | None = Field(
+        None, description="pixels whose shadow by derivative antialiasing is not that of supersampling; None without it")
 
 
 class CellResult(BaseModel):

@@ -11,7 +11,7 @@ import itertools
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from shadowbench.algorithms import PEERS
 from shadowbench.algorithms.base import Algorithm, ShadowBuffer, Transparency
 from shadowbench.algorithms.reference import lets_light_through
 from shadowbench.geometry import Frame
-from shadowbench.judge import LIGHT_TOLERANCE, Judge, Truth, classify
+from shadowbench.judge import LIGHT_TOLERANCE, Judge, Truth, antialiasing_difference, classify
 from shadowbench.plan import Cell, RunOptions
 from shadowbench.probe import Probe
 from shadowbench.progress import Progress
@@ -32,7 +32,7 @@ from shadowbench.report.html import write_report
 from shadowbench.report.remarks import remarks
 from shadowbench.results import AccuracyRecord, CellFolder, CellResult, RunFolder, RunFolderError, RunStatus
 from shadowbench.scenes.loader import Scene
-from shadowbench.view_samples import render_view_samples
+from shadowbench.view_samples import render_frame
 
 
 @dataclass
@@ -119,10 +119,8 @@ class Measurer:
         self.progress.step(f"frame {index}: view samples")
         with self._clock("view_samples"):
             mesh, camera, light = self.scene.mesh(index), self.scene.camera(index), self.scene.light(index)
-            samples = render_view_samples(mesh, camera, light, self.scene.image)
-        image = self.scene.image
-        frame = Frame(mesh, light, camera.basis(image.width / image.height), image, samples, self.scene.bias)
-        n_candidates = int(np.count_nonzero(samples.candidate))
+            frame = render_frame(mesh, camera, light, self.scene.image, self.scene.bias, "images" in self.options.only)
+        n_candidates = int(np.count_nonzero(frame.samples.candidate))
         if n_candidates == 0:
             self._warn(f"frame {index}: no sample faces the light, so no method has anything to do; "
                        "check the light's position or direction, and what the camera sees")
@@ -162,44 +160,57 @@ class Measurer:
             frame = self._prepare(cell, frame)
         with self._clock("cells", cell.label):
             probe = Probe(counting=True)
-            buffer = algorithm.shadows(frame, probe)
-        _check_buffer(buffer, frame)
+            buffers = [algorithm.shadows(layer, probe) for layer in frame.layers]
+        for buffer, layer in zip(buffers, frame.layers, strict=True):
+            _check_buffer(buffer, layer)
         result.counts, result.levels, result.largest = probe.all_counts(), probe.levels, probe.largest
-        errors = self._verify(cell, frame, buffer, judge, result) if self.options.verify else None
+        errors = self._verify(cell, frame, buffers, judge, result) if self.options.verify else None
         if "counts" not in self.options.only:
             result.counts, result.levels, result.largest = {}, {}, {}
         if "timings" in self.options.only:
             with self._clock("cells", cell.label):
-                self._repeat(algorithm, frame, buffer, result)
+                self._repeat(algorithm, frame, buffers, result)
         result.memory_bytes = probe.memory_bytes
         result.jit_seconds = round(self.seconds["compilation"] - compiled_before, 6)
         if errors is not None and "images" in self.options.only:
             with self._clock("images"):
                 folder = self.folder.image_folder(cell.frame, cell.label)
-                files = pictures.write_shadow_pictures(folder, frame, buffer, errors, probe.heat, cell.label)
+                files = pictures.write_shadow_pictures(folder, frame, buffers, errors, probe.heat, cell.label)
                 result.files = {name: path.relative_to(self.folder.path).as_posix() for name, path in files.items()}
 
-    def _verify(self, cell: Cell, frame: Frame, buffer: ShadowBuffer, judge: Judge, result: CellResult
+    def _verify(self, cell: Cell, frame: Frame, buffers: list[ShadowBuffer], judge: Judge, result: CellResult
                 ) -> NDArray[np.uint32]:
-        """Compare with the reference over the same casters; fills in the accuracy, returns each sample's `ErrorClass`."""
+        """Compare with the reference over the same casters; fills in the accuracy of all layers.
+
+        Returns the `ErrorClass` of each sample of the first layer.
+        """
         casters, mode = cell.algorithm.casters(frame), cell.algorithm.judged_as(frame)
-        truth = self._truth(judge, casters, mode)
-        errors = classify(cell.algorithm, buffer, truth, frame)
-        measured = accuracy.measure(buffer.shadow, errors, truth.ambiguous, frame.samples.candidate)
-        result.accuracy = AccuracyRecord(**asdict(measured))
+        truths = self._truths(judge, casters, mode)
+        layers = list(zip(buffers, truths, frame.layers, strict=True))
+        errors = [classify(cell.algorithm, *layer) for layer in layers]
+        measured = [accuracy.measure(buffer.shadow, found, truth.ambiguous, layer.samples.candidate)
+                    for found, (buffer, truth, layer) in zip(errors, layers, strict=True)]
+        names = asdict(measured[0])
+        result.accuracy = AccuracyRecord(**{name: sum(getattr(one, name) for one in measured) for name in names})
         if casters is not None:
-            result.accuracy.caster_difference = _differing(truth, self._truth(judge, None, mode))
+            result.accuracy.caster_difference = _differing(truths, self._truths(judge, None, mode))
         if mode == "off" and lets_light_through(frame, "alpha"):
-            result.accuracy.transparency_difference = _differing(truth, self._truth(judge, casters, "alpha"))
+            result.accuracy.transparency_difference = _differing(truths, self._truths(judge, casters, "alpha"))
+        if frame.supersampled is not None:
+            difference = antialiasing_difference(frame, truths[0], judge.supersampled(casters, mode))
+            result.accuracy.antialiasing_difference = int(np.count_nonzero(difference))
+            buffers[0].images["antialiasing"] = pictures.antialiasing_map(frame, difference)
+        buffer, truth = buffers[0], truths[0]
         if cell.name in PEERS:
             path = self.folder.image_folder(cell.frame, cell.label) / "differences.csv"
             path.write_text(accuracy.list_differences(frame, buffer.shadow, truth.shadow, truth.ambiguous))
         explained = remarks(result)
         for sentence in explained:
             self._warn(f"frame {cell.frame}: {cell.label}: {sentence}")
-        if cell.algorithm.exact and measured.wrong and not explained:
-            self._warn(f"frame {cell.frame}: {cell.label} is meant to be exact but has {measured.wrong} wrong samples")
-        return errors
+        n_wrong = sum(one.wrong for one in measured)
+        if cell.algorithm.exact and n_wrong and not explained:
+            self._warn(f"frame {cell.frame}: {cell.label} is meant to be exact but has {n_wrong} wrong samples")
+        return errors[0]
 
     def _prepare(self, cell: Cell, frame: Frame) -> Frame:
         """Attach what the algorithm prepares from the mesh, made once per mesh."""
@@ -207,37 +218,38 @@ class Measurer:
         if known_mesh is not frame.mesh:
             prepared = cell.algorithm.prepare(frame.mesh)
             self._prepared[cell.label] = (frame.mesh, prepared)
-        return Frame(frame.mesh, frame.light, frame.camera, frame.image, frame.samples, frame.bias, prepared)
+        return replace(frame, prepared=prepared, deeper=tuple(replace(layer, prepared=prepared) for layer in frame.deeper))
 
-    def _repeat(self, algorithm: Algorithm, frame: Frame, expected: ShadowBuffer, result: CellResult) -> None:
+    def _repeat(self, algorithm: Algorithm, frame: Frame, expected: list[ShadowBuffer], result: CellResult) -> None:
         """Time the build without counting, once it is compiled and, if wanted, has run before."""
         if self.options.warm_up:
-            algorithm.shadows(frame, Probe())
+            for layer in frame.layers:
+                algorithm.shadows(layer, Probe())
         while len(result.total_seconds) < self.options.repeats:
             probe = Probe()
             start = time.perf_counter()
             with jit.CompileWatch(lambda: None) as watch:
-                buffer = algorithm.shadows(frame, probe)
+                buffers = [algorithm.shadows(layer, probe) for layer in frame.layers]
             if watch.seconds > 0:
                 continue
             result.total_seconds.append(time.perf_counter() - start)
             for stage, seconds in probe.stages.items():
                 result.stages.setdefault(stage, []).append(seconds)
-            if not np.array_equal(buffer.shadow, expected.shadow):
+            if not all(np.array_equal(a.shadow, b.shadow) for a, b in zip(buffers, expected, strict=True)):
                 raise RuntimeError("two executions on the same input gave different shadows")
 
-    def _truth(self, judge: Judge, casters: NDArray[np.bool_] | None, mode: Transparency) -> Truth:
-        """Return the reference's answer, computed once per frame."""
+    def _truths(self, judge: Judge, casters: NDArray[np.bool_] | None, mode: Transparency) -> list[Truth]:
+        """Return the reference's answer for each layer, computed once per frame."""
         if judge.knows(casters, mode):
-            return judge.truth(casters, mode)
+            return judge.truths(casters, mode)
         with self._clock("reference"):
-            truth = judge.truth(casters, mode)
-        n_ambiguous = int(np.count_nonzero(truth.ambiguous))
-        n_candidates = int(np.count_nonzero(judge.frame.samples.candidate))
+            truths = judge.truths(casters, mode)
+        n_ambiguous = sum(int(np.count_nonzero(truth.ambiguous)) for truth in truths)
+        n_candidates = sum(int(np.count_nonzero(layer.samples.candidate)) for layer in judge.frame.layers)
         if n_ambiguous > accuracy.AMBIGUOUS_WARNING_SHARE * n_candidates:
             self._warn(f"{n_ambiguous} of {n_candidates} lit candidates are ambiguous: their answer hangs on the "
                        "last digits, so mismatches there count as edge ties")
-        return truth
+        return truths
 
     def _warn(self, text: str) -> None:
         """Keep a warning for run.json and print it, once."""
@@ -290,9 +302,10 @@ def failed_result(cell: Cell, scene: Scene, reason: str) -> CellResult:
     return empty_result(cell, scene).model_copy(update={"status": "failed", "reason": reason})
 
 
-def _differing(one: Truth, other: Truth) -> int:
+def _differing(one: list[Truth], other: list[Truth]) -> int:
     """Number of samples whose answers differ."""
-    return int(np.count_nonzero(np.abs(one.shadow - other.shadow) > LIGHT_TOLERANCE))
+    return sum(int(np.count_nonzero(np.abs(a.shadow - b.shadow) > LIGHT_TOLERANCE))
+               for a, b in zip(one, other, strict=True))
 
 
 def _check_buffer(buffer: ShadowBuffer, frame: Frame) -> None:

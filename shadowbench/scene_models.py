@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, StrictBool, StrictStr, model_validator
 
@@ -12,6 +12,7 @@ from shadowbench.scene_types import (
     Color,
     FrameIndex,
     Frames,
+    Layers,
     Name,
     Positive,
     Samples,
@@ -208,6 +209,9 @@ class ImageConfig(Section):
     width: Side = 1024
     height: Side = 1024
     samples: Samples = 1
+    sampling: Literal["surface", "derivative"] = Field(
+        "surface", description="samples on the surfaces that they see, or in the plane that the pixel's centre sees")
+    layers: Layers = Field(1, description="transparent surfaces behind each other that are shaded, by depth peeling")
 
 
 class AlgorithmSpec(Section):

@@ -107,11 +107,25 @@ def surface_opacity(mesh: Mesh, triangles: Indices, points: FloatArray) -> Float
     return opacity
 
 
+def surface_transmittance(mesh: Mesh, triangles: Indices, points: FloatArray) -> FloatArray:
+    """Share of red, green and blue that passes at points of triangles, float64 (n, 3); 0 for triangle -1."""
+    passing = np.zeros((len(triangles), 3))
+    for material, mine in _by_material(mesh, triangles):
+        if not material.is_opaque:
+            uv = np.zeros((len(mine), 2))
+            if material.varies(True):
+                uv = texture_coordinates(mesh, triangles[mine], points[mine])
+            passing[mine] = transmittance(material, uv, True)
+    return passing
+
+
 def base_color(mesh: Mesh, triangles: Indices, points: FloatArray) -> FloatArray:
     """Base colour at points of triangles, linear RGB, float64 (n, 3); white for triangle -1."""
-    color = np.ones((len(triangles), 3))
+    color = np.array([m.color for m in mesh.materials], np.float64)[mesh.material[triangles]]
+    color[triangles < 0] = 1.0
+    if all(m.color_texture is None for m in mesh.materials):
+        return color
     for material, mine in _by_material(mesh, triangles):
-        color[mine] = material.color
         if material.color_texture is not None:
             uv = texture_coordinates(mesh, triangles[mine], points[mine])
             color[mine] *= look_up(material.color_texture, uv)[:, :3]

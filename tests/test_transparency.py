@@ -192,8 +192,8 @@ def test_draws_are_even_and_unrelated():
 def test_the_judge_finds_what_is_wrong():
     frame = chance_frame()
     judge, method = Judge(frame), Ptsv(PtsvParams())
-    truth = judge.truth(None, "alpha")
-    assert judge.knows(None, "stochastic") and judge.truth(None, "stochastic") is truth and not judge.knows(None, "off")
+    [truth] = judge.truths(None, "alpha")
+    assert judge.knows(None, "stochastic") and judge.truths(None, "stochastic")[0] is truth and not judge.knows(None, "off")
     buffer, _ = shadows(method, frame)
     sample = np.flatnonzero(frame.samples.candidate & ~truth.ambiguous)[0]
     for change, expected in ((2 * LIGHT_TOLERANCE, ErrorClass.FALSE_SHADOW), (-2 * LIGHT_TOLERANCE, ErrorClass.FALSE_LIGHT)):

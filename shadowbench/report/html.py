@@ -17,7 +17,7 @@ EMBED_LIMIT = 16 * 2**20
 """Bytes of pictures that go into the file; those of later frames are linked to the run folder instead."""
 
 PICTURES = (("shaded_png", "shaded"), ("shadow_png", "shadow buffer"), ("heatmap_png", "heat map"),
-            ("error_png", "errors"))
+            ("error_png", "errors"), ("antialiasing_png", "against supersampling"))
 
 
 def write_report(folder: RunFolder) -> None:

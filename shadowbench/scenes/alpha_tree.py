@@ -29,7 +29,7 @@ LEAF_ALPHA = 0.5
 """Opacity of a leaf's substance, as in the paper's Fig. 8: what passes is dyed by the leaf's colour."""
 
 _TEXELS = 128
-_HALF = 16.0        # half the side of the lawn
+_HALF = 24.0        # half the side of the lawn
 _COLORS = {"lawn": (0.30, 0.36, 0.15), "bark": (0.30, 0.22, 0.15), "leaf": (0.9, 0.9, 0.9), "grass": (0.25, 0.38, 0.12)}
 _LEAF_COLOR, _LATE_COLOR = np.array([0.20, 0.52, 0.06]), np.array([0.50, 0.58, 0.08])
 
@@ -81,11 +81,11 @@ def _limbs(builder: MeshBuilder, rng: np.random.Generator) -> Limbs:
     """Trunk, boughs, branches and twigs; returns the twigs."""
     stem = trunk((0.0, -0.3, 0.0), 3.4, 0.34)
     upper = Limbs(stem.end, stem.end + np.array([0.15, 1.9, -0.1]), stem.end_radius, 0.55 * stem.end_radius)
-    boughs = branches(rng, Limbs(*(np.concatenate(pair) for pair in zip(stem, upper, strict=True))), 8, 2.3)
+    boughs = branches(rng, Limbs(*(np.concatenate(pair) for pair in zip(stem, upper, strict=True))), 9, 3.6)
     boughs = Limbs(boughs.start, np.maximum(boughs.end, boughs.start + np.array([-9.0, 0.35, -9.0])),
                    boughs.start_radius, boughs.end_radius)
-    mid = branches(rng, boughs, 5, 1.35)
-    twigs = branches(rng, mid, 5, 0.75)
+    mid = branches(rng, boughs, 6, 2.1)
+    twigs = branches(rng, mid, 5, 1.1)
     builder.add(tubes(stem, 14), "bark")
     builder.add(tubes(upper, 10), "bark")
     builder.add(tubes(boughs, 8), "bark")
@@ -104,7 +104,7 @@ def _sprigs(rng: np.random.Generator, twigs: Limbs, n: int) -> Shape:
     along = along / np.sqrt(np.maximum(dot(along, along), 0.01))[:, None]
     side = cross(along, directions(rng, n))
     side = side / np.sqrt(np.maximum(dot(side, side), 1e-6))[:, None]
-    size = rng.uniform(0.34, 0.56, (n, 1))
+    size = rng.uniform(0.24, 0.38, (n, 1))
     a, b = foot - 0.5 * size * side, foot + 0.5 * size * side
     points = np.stack([a, b, b + size * along, a + size * along], axis=1)
     triangles = np.array([[0, 1, 2], [0, 2, 3]])[None] + 4 * np.arange(n)[:, None, None]
@@ -142,11 +142,11 @@ def generate(triangles: int, seed: int) -> ProceduralScene:
     builder.add(_sprigs(rng, twigs, n_sprigs), "leaf")
     n_grass = triangles - builder.n_triangles
     circle = unit_circle(360)[whole_degrees(rng, n_grass)]
-    roots = 11.0 * np.sqrt(rng.uniform(0.004, 1.0, (n_grass, 1))) * circle
+    roots = 15.0 * np.sqrt(rng.uniform(0.004, 1.0, (n_grass, 1))) * circle
     noise = SmoothNoise(np.random.default_rng([seed, 1]), 7.0)
     y = _height(noise, roots[:, 0], roots[:, 1]) - 0.02
     builder.add(blades(rng, np.stack([roots[:, 0], y, roots[:, 1]], axis=1), 0.22), "grass")
-    eyes = tuple((13.5 * x, 5.6, 13.5 * z) for x, z in unit_circle(8)[[1, 2, 3, 4, 5, 6, 7, 0]].tolist())
-    targets = ((0.6, 2.4, 0.2),) * 8
-    return ProceduralScene(_textured(builder.mesh()), eyes, targets, closed=True, fov_y=46.0, near=0.1, far=200.0,
-                           light=Light.point(-26.0, 27.0, -5.0))
+    eyes = tuple((17.0 * x, 6.5, 17.0 * z) for x, z in unit_circle(8)[[1, 2, 3, 4, 5, 6, 7, 0]].tolist())
+    targets = ((1.5, 3.2, 0.2),) * 8
+    return ProceduralScene(_textured(builder.mesh()), eyes, targets, closed=True, fov_y=50.0, near=0.1, far=200.0,
+                           light=Light.point(-40.0, 42.0, -8.0))
