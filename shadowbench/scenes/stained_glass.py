@@ -83,6 +83,11 @@ def _windows(seed: int) -> MeshBuilder:
     return builder
 
 
+def n_window_triangles() -> int:
+    """How many triangles the windows have."""
+    return _windows(1).n_triangles
+
+
 def _joined(first: Mesh, second: Mesh) -> Mesh:
     """Two meshes as one, with glass in place of the glass's opaque stand-ins."""
     glass = tuple(Material(m.name, m.color, GLASS_ALPHA if m.name in _GLASS else 1.0) for m in second.materials)
