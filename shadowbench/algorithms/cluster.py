@@ -212,7 +212,7 @@ class Cluster(FrustumAlgorithm):
         """Build the hierarchy; None if no sample is included."""
         samples, params = frame.samples, self.params
         layout = key_layout(samples.columns, samples.rows)
-        start = frame.camera.near if params.depth_start == "near_plane" else float(samples.depth.min())
+        start = frame.camera.near if params.depth_start == "near_plane" else cluster_hierarchy.nearest_depth(samples.depth)
         tiles = cluster_hierarchy.tile_samples(np.ascontiguousarray(samples.plane_x[: samples.columns]),
                                                np.ascontiguousarray(samples.plane_y[:: samples.columns]))
         slices = make_slices(start if start < np.inf else frame.camera.near, frame.camera.tan_y, tiles.rows,

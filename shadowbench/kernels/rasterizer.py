@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.binning import N_BANDS, fill_bins, rows_per_band
 from shadowbench.kernels.orientation import orient2d
 from shadowbench.kernels.projection import N_WORKERS, FloatArray, View, project
@@ -96,7 +96,7 @@ def _draw_bands(view, mesh, bins, target, counts, behind):
         _draw_band((worker * _BAND_STRIDE) % N_BANDS, view, mesh, bins, target, counts, behind)
 
 
-@kernel
+@allocating_kernel
 def _draw_band(band, view, mesh, bins, target, counts, behind):
     """Draw all triangles of one band, in the order of their indices."""
     n_rows = rows_per_band(view)

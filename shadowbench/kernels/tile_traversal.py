@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.lanes import (
     LANES,
     classify_boxes,
@@ -141,7 +141,7 @@ def _push_root_child(tree, shadow, tests, planes, k, worker, stack):
     return 0
 
 
-@kernel
+@allocating_kernel
 def _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts):
     """Walk all frusta through the root's child `worker`.
 

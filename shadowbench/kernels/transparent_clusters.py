@@ -7,7 +7,7 @@ threads. A leaf tests all samples of its tile if the method does, but shades its
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.cluster_keys import TILE, TILE_SAMPLES
 from shadowbench.kernels.lanes import (
     LANES,
@@ -86,7 +86,7 @@ def _test_tile(samples, leaves, cluster, frusta, k, candidates, depth):
     return inside, retried
 
 
-@kernel
+@allocating_kernel
 def _traverse_child(nodes, leaves, samples, frusta, optics, rules, tests, depth, shadow, through, worker, counts):
     """Walk all frusta through the root's child `worker`."""
     top, n_inner = nodes.first_child[0] + worker, len(nodes.first_child)

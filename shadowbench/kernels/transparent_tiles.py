@@ -7,7 +7,7 @@ the walk goes on below it without tests down to the samples.
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, parallel_kernel, prange
 from shadowbench.kernels.lanes import (
     LANES,
     classify_boxes,
@@ -36,7 +36,7 @@ _INSIDE = np.int64(1) << 62     # marks a stack entry that lies inside the frust
 _ONE = np.uint64(1)
 
 
-@kernel
+@allocating_kernel
 def _traverse_tile(tree, frusta, optics, planes, tests, depth, shadow, through, worker, counts):
     """Walk all frusta through the root's child `worker`."""
     root, level, last = tree.levels[0], tree.levels[1], len(tree.levels) - 1
@@ -177,7 +177,7 @@ def traverse_transparent(tree, frusta, optics, planes, depth, shadow, through, c
         add_root_counts(counts)
 
 
-@kernel
+@allocating_kernel
 def _merge_rows(tree, through, dark, worker, arriving):
     """Multiply the samples of a band of tile rows with what their tiles let through."""
     level, n_columns, n_channels = tree.levels[-1], len(tree.plane_x), arriving.shape[1]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, parallel_kernel, prange
 from shadowbench.reference.face_planes import (
     ACCEPT,
     REJECT,
@@ -40,7 +40,7 @@ class Pairs(NamedTuple):
     filled: np.ndarray
 
 
-@kernel
+@allocating_kernel
 def _list_work_node(tree, frusta, corners, space, biases, lists, ends, next_item, pairs, w):
     """List the crossings of one work node until its triangles or its buffer end."""
     box, children, samples, coordinate = tree.box, tree.children, tree.samples, tree.coordinate
