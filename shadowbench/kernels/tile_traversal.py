@@ -66,7 +66,8 @@ def _root_part(tree, frusta, planes, tests, worker):
 
 
 @parallel_kernel
-def _test_root(tree, frusta, planes, tests):
+def test_root(tree, frusta, planes, tests):
+    """Test the root's children against all frusta."""
     for worker in prange(N_WORKERS):
         _root_part(tree, frusta, planes, tests, worker)
 
@@ -246,7 +247,7 @@ def traverse(tree, frusta, n_frusta, planes, depth, shadow, counts):
     if n_frusta == 0 or tree.occupied[0] == 0:
         return
     tests = RootTests(np.empty(n_frusta, np.uint64), np.empty(n_frusta, np.uint64))
-    _test_root(tree, frusta, planes, tests)
+    test_root(tree, frusta, planes, tests)
     n_tiles = int(tree.levels[0]["grid_x"]) * int(tree.levels[0]["grid_y"])
     _traverse_tiles(n_tiles, tree, frusta, planes, tests, depth, shadow, counts)
     if counts is not None:
