@@ -4,9 +4,10 @@ BIN := .venv/bin
 RUN := $(BIN)/shadowbench
 WORKERS ?= 2
 
-.PHONY: help demo test test-slow test-browser check bench lint docs clean
+.PHONY: help demo figures figures-quick test test-slow test-browser check bench lint docs clean
 help:
 	@echo "make demo          install, then run the citadel scene"
+	@echo "make figures       install, then reproduce every figure, table and claim into results/ (figures-quick: small, in minutes)"
 	@echo "make test          install, then run the tests"
 	@echo "make test-slow     the exhaustive tests"
 	@echo "make test-browser  the report in headless Chromium, where there is one"
@@ -31,6 +32,13 @@ demo: .venv/installed
 	@echo "  $(RUN) list algorithms"
 	@echo "  $(RUN) run gate -a reference -a 'shadow_map[resolution=512]'"
 	@echo "  $(RUN) init my_scene      then edit my_scene.yaml and run it"
+
+# Hours at full size; what was measured is kept, so an interrupted run goes on.
+figures: .venv/installed
+	$(RUN) reproduce all
+
+figures-quick: .venv/installed
+	$(RUN) reproduce all --quick --out results/runs/quick
 
 # Files are dealt out whole: what they compile is then compiled once, mostly.
 test: .venv/installed-dev

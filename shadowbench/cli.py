@@ -206,11 +206,12 @@ class ItemArgument(click.ParamType):
 @click.option("--quick", is_flag=True, help="Small sizes and few frames: minutes in all.")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("results"), show_default=True,
               help="Folder for PAPER/ITEM/ and for the measured cells, runs/reproduce/.")
-def reproduce(what: str, quick: bool, out: Path) -> None:
+@click.option("--redraw", is_flag=True, help="Measure nothing: judge and draw anew from each data.csv that is there.")
+def reproduce(what: str, quick: bool, out: Path, redraw: bool) -> None:
     """Measure published figures, tables and claims again, and say which hold.
 
-    Each item's folder gets data.csv, the figure or table, caption.md and verdict.json. Measured cells are kept: the same
-    command goes on where it was stopped.
+    Each item's folder gets data.csv, the figure or table, caption.md and verdict.json; README.md lists them all. Measured
+    cells are kept: the same command goes on where it was stopped.
     """
     from shadowbench.reproduce import all_items, find_items
 
@@ -223,7 +224,7 @@ def reproduce(what: str, quick: bool, out: Path) -> None:
     chosen = find_items(what)
     from shadowbench.reproduce import run as command
 
-    sys.exit(command.reproduce(chosen, quick, out))
+    sys.exit(command.redraw(chosen, out) if redraw else command.reproduce(chosen, quick, out))
 
 
 @cli.command()

@@ -137,3 +137,25 @@ def draw_text(pixels: NDArray[np.uint8], x: int, y: int, text: str, size: int,
     buffer = oiio.ImageBuf(np.ascontiguousarray(pixels))
     oiio.ImageBufAlgo.render_text(buffer, x, y, text, size, "", color)
     return np.asarray(buffer.get_pixels(oiio.UINT8), np.uint8)
+
+
+def read_texture(path: Path) -> tuple[NDArray[np.float32], bool]:
+    """Read an image as it is stored, colours not multiplied by opacity.
+
+    Returns
+    -------
+    float32 (rows, columns, channels) with integers scaled to 0..1, and whether the file holds floats.
+
+    Raises OSError if the file can't be read.
+    """
+    hints = oiio.ImageSpec()
+    hints.attribute("oiio:UnassociatedAlpha", 1)
+    image = oiio.ImageInput.open(str(path), hints)
+    if image is None:
+        raise OSError(f"cannot read {path}: {oiio.geterror()}")
+    is_float = str(image.spec().format) in ("half", "float", "double")
+    pixels = image.read_image("float")
+    if pixels is None:
+        raise OSError(f"cannot read {path}: {image.geterror()}")
+    image.close()
+    return np.asarray(pixels, np.float32), is_float

@@ -49,6 +49,11 @@ class AccuracyRecord(BaseModel):
     edge_tie: int
     caster_difference: int | None = Field(
         None, description="samples whose answer changes because only some triangles cast; None if all do")
+    transparency_difference: int | None = Field(
+        None, description="samples whose answer changes because casters that let light through are taken as opaque; None "
+        "if there are none, or they are taken as what they are")
+    antialiasing_difference: int | None = Field(
+        None, description="pixels whose shadow by derivative antialiasing is not that of supersampling; None without it")
 
 
 class CellResult(BaseModel):

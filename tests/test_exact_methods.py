@@ -11,6 +11,7 @@ from shadowbench import accuracy, jit
 from shadowbench.algorithms import ALL_ALGORITHMS
 from shadowbench.algorithms.reference import reference_frame
 from shadowbench.geometry import Frame
+from shadowbench.judge import classify, find_truth
 from shadowbench.probe import Probe
 from shadowbench.scenes import SCENES
 from shadowbench.scenes.loader import load_scene
@@ -48,11 +49,11 @@ def mismatches(name: str, changed: dict, frame: Frame) -> tuple[int, int]:
     algorithm = make(name, changed)
     prepared = Frame(frame.mesh, frame.light, frame.camera, frame.image, frame.samples, frame.bias,
                      algorithm.prepare(frame.mesh))
-    shadow = algorithm.shadows(prepared, Probe(counting=True)).shadow
-    truth, ambiguous = reference_frame(frame, Probe(), algorithm.casters(prepared))
-    errors = accuracy.classify(shadow, truth, ambiguous, frame.samples.candidate)
-    measured = accuracy.measure(shadow, errors, ambiguous, frame.samples.candidate)
-    assert np.all(shadow[~frame.samples.candidate] == 0)
+    buffer = algorithm.shadows(prepared, Probe(counting=True))
+    truth = find_truth(frame, algorithm.casters(prepared), algorithm.judged_as(prepared))
+    errors = classify(algorithm, buffer, truth, frame)
+    measured = accuracy.measure(buffer.shadow, errors, truth.ambiguous, frame.samples.candidate)
+    assert np.all(buffer.shadow[~frame.samples.candidate] == 0)
     return measured.wrong, measured.edge_tie
 
 
@@ -78,7 +79,11 @@ def test_no_sample_of_the_hard_cases_is_wrong(name, changed, frames):
     assert {case: n for case, n in wrong.items() if n} == {}
 
 
-@pytest.mark.parametrize("scene_name", SCENES)
+LARGE = ("village", "tree_on_snow", "kitchen", "tree")
+
+
+@pytest.mark.parametrize("scene_name", [pytest.param(name, marks=pytest.mark.slow) if name in LARGE else name
+                                        for name in SCENES])
 def test_no_sample_of_a_built_in_scene_is_wrong(scene_name):
     fewer = ["geometry.0.triangles=20000"] if scene_name == "fuzzy" else []
     scene = load_scene(scene_name, ["image.width=160", "image.height=120", *fewer])

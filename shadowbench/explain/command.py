@@ -44,15 +44,15 @@ def explain(scene_name: str, spec: str, pixel: tuple[int, int] | None, triangle:
         raise InputError(f"cannot write {target}: {target.parent} is no folder; choose another file with -o")
     rendered = _frame(scene, algorithm, frame)
     probe = Probe(counting=True)
-    shadow = algorithm.shadows(rendered, probe).shadow
+    buffer = algorithm.shadows(rendered, probe)
     trace, measured = _trace(algorithm, rendered, probe, pixel, triangle)
     label = make_label(name, algorithm.params.model_dump(exclude_defaults=True))
     title = f"{label} at {_subject(pixel, triangle)} of {scene.name}, frame {frame}"
-    facts = _facts(rendered, shadow, trace, measured, pixel, triangle)
+    facts = _facts(rendered, buffer.shadow, trace, measured, pixel, triangle)
     click.echo("\n".join([title, *(f"{key}: {text}" for key, text in facts.items()), "", listing(trace, everything)]))
     spot = _spot(rendered, pixel, triangle)
     grid = (rendered.samples.columns, rendered.samples.rows)
-    target.write_text(page(trace, title, pictures.shaded(rendered, shadow), grid, spot, facts), encoding="utf-8")
+    target.write_text(page(trace, title, pictures.shaded(rendered, [buffer]), grid, spot, facts), encoding="utf-8")
     click.echo(f"\n{trace.note}\npicture: {target}")
     if trace.value != measured:
         raise RuntimeError(f"the walk lists {trace.value} tests and the method counted {measured}: please report this")
