@@ -179,9 +179,10 @@ class ClusterWalk:
         (x0, x1), (y0, y1) = (columns + (-0.5, 0.5)).tolist(), (rows + (-0.5, 0.5)).tolist()
         css = {ACCEPTED: "accept", REFINED: "refine"}.get(code, "reject")
         kind = "node" if node < self.n_inner else "cluster"
-        depths = f"{1 / high[0, 2]:.4g} to {1 / low[0, 2]:.4g}" if low[0, 2] > 1e-30 else f"from {1 / high[0, 2]:.4g} on"
+        with np.errstate(divide="ignore", over="ignore"):        # the background is infinitely far away
+            near, far = 1.0 / high[0, 2], 1.0 / low[0, 2]
         return Shape(((x0, y0), (x1, y0), (x1, y1), (x0, y1)), css,
-                     f"{kind} {node} of level {self.level(node)}, depth {depths}")
+                     f"{kind} {node} of level {self.level(node)}, depth {near:.4g} to {far:.4g}")
 
 
 def explain_sample(algorithm: Cluster, frame: Frame, sample: int) -> Trace:
