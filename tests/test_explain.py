@@ -142,5 +142,13 @@ def test_bad_input_is_told(arguments, words):
     assert done.code == 2 and words in done.errors
 
 
+def test_transparent_casters_are_not_walked():
+    scene = ["explain", "plane_box", "-D", "geometry.0.material={alpha: 0.5}", "--size", "16x12", "--pixel", "3,3"]
+    done = call(*scene, "-a", "ptsv")
+    assert done.code == 2 and "transparency=off" in done.errors
+    done = call(*scene, "-a", "ptsv", "-D", "image.layers=2")
+    assert done.code == 2 and "image.layers=1" in done.errors
+
+
 def test_pixels_are_written_x_y():
     assert call("explain", "treads", "-a", "ptsv", "--pixel", "1;1").code == 2

@@ -12,7 +12,7 @@ from shadowbench.explain.trace import Corner, Shape, Test, Trace
 from shadowbench.geometry import Frame
 from shadowbench.kernels.kdtree_build import LEAF
 from shadowbench.kernels.shadow_frustum import CAP_ROW
-from shadowbench.kernels.shadow_rays import FAR_ROUNDING, MARGIN, make_shadow_rays
+from shadowbench.kernels.shadow_rays import FAR_ROUNDING, MARGIN, PARALLEL_LENGTH, make_shadow_rays
 
 SMALLEST = 2.0**-40
 """Components of a direction below this are set to it, as the kernel does."""
@@ -35,10 +35,11 @@ class RayWalk:
     def __init__(self, tree: Any, rays: Any, frame: Frame, sample: int, trace: Trace) -> None:
         self.tree, self.rays, self.frame, self.sample, self.trace = tree, rays, frame, sample, trace
         origin, target = (rays.origin - tree.base) * tree.scale, rays.target[sample] * tree.scale
+        self.deferred = False               # True once a triangle shadows the sample that the ray meets beyond its leaf
         self.margin = float(MARGIN + FAR_ROUNDING * rays.reach * tree.scale)
         self.origin, direction = origin, target
         if rays.travel.any():
-            direction = rays.travel * (2.0 * rays.reach) * tree.scale
+            direction = rays.travel * (PARALLEL_LENGTH * rays.reach) * tree.scale
             self.origin = origin + target - direction
         direction = np.where(np.abs(direction) < SMALLEST, SMALLEST, direction)
         self.inverse = 1.0 / direction
@@ -52,7 +53,7 @@ class RayWalk:
     def run(self) -> None:
         """Walk from the light to the sample, then test the triangles that the tree is no guide to."""
         root = (np.zeros(3), np.array(self.tree.high, np.float64))
-        if self.begin <= self.end and self._walk(0, self.begin, self.end, root):
+        if self.begin <= self.end and (self._walk(0, self.begin, self.end, root) or self.deferred):
             return
         for t in self.rays.loose:
             if self._hits(int(t), "a triangle outside the tree", None):
@@ -66,7 +67,7 @@ class RayWalk:
             first, n = int(self.tree.nodes[2 * node]), link >> 2
             shape = self.trace.add_shape(self._outline(box, "leaf", f"leaf {node}, {n} triangles"))
             self.trace.add(Test(None, f"leaf {node}", f"met: {n} triangle{'s' * (n != 1)}", 0.0, shape))
-            return any(self._hits(int(t), f"leaf {node}", shape) for t in self.tree.references[first:first + n])
+            return any(self._ends_at(int(t), f"leaf {node}", shape, end) for t in self.tree.references[first:first + n])
         plane = float(self.tree.planes[2 * node])
         t, slack = (plane - self.origin[axis]) * self.inverse[axis], self.margin * abs(self.inverse[axis])
         low, high = (box[0], box[1].copy()), (box[0].copy(), box[1])
@@ -82,6 +83,29 @@ class RayWalk:
         if meets_near and self._walk(near[0], begin, min(end, t + slack), near[1]):
             return True
         return meets_far and self._walk(far[0], max(begin, t - slack), end, far[1])
+
+    def _ends_at(self, t: int, place: str, shape: int | None, end: float) -> bool:
+        """Test a triangle; True if it shadows the sample and the ray meets it no farther than the leaf's end."""
+        if not self._hits(t, place, shape):
+            return False
+        if self._crossing(t) <= end:
+            return True
+        self.deferred = True
+        return False
+
+    def _crossing(self, t: int) -> float:
+        """Share of the way at which the ray meets a triangle's plane; infinite where its planes do not tell."""
+        if t in self.rays.loose:
+            return np.inf
+        a, b, d, c = self.rays.rows[t].reshape(4, 4)[:, CAP_ROW].tolist()
+        x, y = float(self.rays.plane_x[self.sample]), float(self.rays.plane_y[self.sample])
+        depth = float(self.rays.depth[self.sample])
+        r = 1.0 / depth
+        depth = 1.0 / r
+        sx, sy, sz, w = self.rays.start_view.tolist()
+        plane = np.sqrt(a * a + b * b + d * d) * self.rays.bias - (a * x + (b * y + d) + c * r) * depth
+        start = a * (sx - w * x * depth) + b * (sy - w * y * depth) + d * (sz - w * depth)
+        return float(1.0 - plane / start)
 
     def _hits(self, t: int, place: str, shape: int | None) -> bool:
         """The shared definition of shadow, on the planes of a triangle."""
