@@ -108,8 +108,9 @@ def test_shares_are_booked_in_order():
     assert [test.share for test in trace.tests] == [0.25, 0.25, 0.25, 1.0, 1.0, 0.5, 0.0, 0.0]
     assert trace.numbers() == [0, 1, 0, 2, 3, 0, 0, 0]
     text = listing(trace)
-    assert text.count("something") == 2 and text.count("... ") == 2 and listing(trace, True).count("something") == 6
+    assert text.count("something") == 2 and text.count("... ") == 3 and listing(trace, True).count("something") == 6
     assert joined([trace], "x") is trace and joined([trace, trace], "pixel").value == 6
+    assert joined([trace, trace], "pixel").numbers() == [0, 1, 0, 2, 3, 0, 0, 0, 0, 4, 0, 5, 6, 0, 0, 0]
     assert [trace.add_shape(Shape(((0, 0), (1, 1)), "ray", title)) for title in ("a", "b", "a")] == [0, 1, 0]
 
 
