@@ -35,6 +35,7 @@ class Measurement:
     images : True to keep the pictures.
     height : height of the image if it is not square, else 0.
     triangles : number of triangles if it is not the scene's own, else 0.
+    settings : further ``dotted.key=value`` of the scene file, such as ``image.samples=4``.
     """
 
     scene: str
@@ -49,6 +50,7 @@ class Measurement:
     images: bool = False
     height: int = 0
     triangles: int = 0
+    settings: tuple[str, ...] = ()
 
     @property
     def shape(self) -> tuple[int, int]:

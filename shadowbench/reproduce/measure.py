@@ -37,11 +37,13 @@ def this_origin() -> Origin:
 
 
 @cache
-def _scene(name: str, width: int, height: int, n_frames: int, triangles: int) -> tuple[Scene, float]:
+def _scene(name: str, width: int, height: int, n_frames: int, triangles: int, settings: tuple[str, ...] = ()
+           ) -> tuple[Scene, float]:
     """Load a scene; returns it with the seconds that it took."""
     start = time.perf_counter()
     count = (f"geometry.0.triangles={triangles}",) if triangles else ()
-    scene = load_scene(name, (f"image.width={width}", f"image.height={height}", f"frames={n_frames}", *count))
+    scene = load_scene(name, (f"image.width={width}", f"image.height={height}", f"frames={n_frames}", *count,
+                              *settings))
     return scene, time.perf_counter() - start
 
 
@@ -62,7 +64,7 @@ def measure(measurements: Iterable[Measurement], store: CellStore) -> Cells:
 
 def _cells(wanted: Measurement, store: CellStore) -> list[Kept]:
     """Cells of one measurement, in the order of frames and methods."""
-    scene, seconds = _scene(wanted.scene, *wanted.shape, wanted.n_frames, wanted.triangles)
+    scene, seconds = _scene(wanted.scene, *wanted.shape, wanted.n_frames, wanted.triangles, wanted.settings)
     specs = [parse_algorithm_spec(method) for method in wanted.methods]
     cells = plan.plan_cells(scene, [(name, validate_params(name, params)) for name, params in specs], wanted.frames)
     missing = [cell for cell in cells if store.find(cell.key, wanted) is None]
