@@ -6,6 +6,7 @@ to an integer channel; the functions here raise OSError, take NumPy arrays, and 
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -60,12 +61,22 @@ def write_exr(path: Path, channels: dict[str, NDArray]) -> None:
     _write(path, spec, pixels)
 
 
-def write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
-    """Write sRGB pixels, uint8 (rows, columns, 3). Raises OSError if the file can't be written."""
+def write_png(path: Path, pixels: NDArray[np.uint8], compression: int = 1) -> None:
+    """Write sRGB pixels, uint8 (rows, columns, 1 to 4). Raises OSError if the file can't be written.
+
+    Where there is a fourth channel, it is 0 or 255, and the others are 0 where it is 0.
+    """
     rows, columns, channels = pixels.shape
     spec = oiio.ImageSpec(columns, rows, channels, "uint8")
-    spec.attribute("png:compressionLevel", 1)
+    spec.attribute("png:compressionLevel", compression)
     _write(path, spec, np.ascontiguousarray(pixels))
+
+
+def encode_png(pixels: NDArray[np.uint8]) -> bytes:
+    """Return the bytes of a PNG file of `pixels` (see `write_png`), as small as they get in reasonable time."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_png(Path(folder) / "image.png", pixels, compression=7)
+        return (Path(folder) / "image.png").read_bytes()
 
 
 def _write(path: Path, spec: oiio.ImageSpec, pixels: NDArray) -> None:

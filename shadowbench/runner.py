@@ -28,10 +28,10 @@ from shadowbench.plan import Cell, RunOptions
 from shadowbench.probe import Probe
 from shadowbench.progress import Progress
 from shadowbench.report import pictures
-from shadowbench.report.html import write_report
 from shadowbench.report.remarks import remarks
 from shadowbench.results import AccuracyRecord, CellFolder, CellResult, RunFolder, RunFolderError, RunStatus
 from shadowbench.scenes.loader import Scene
+from shadowbench.triangle_work import triangle_work
 from shadowbench.view_samples import render_frame
 
 
@@ -165,7 +165,9 @@ class Measurer:
             _check_buffer(buffer, layer)
         result.counts, result.levels, result.largest = probe.all_counts(), probe.levels, probe.largest
         errors = self._verify(cell, frame, buffers, judge, result) if self.options.verify else None
-        if "counts" not in self.options.only:
+        if "counts" in self.options.only:
+            result.triangles = {name: triangle_work(values) for name, values in probe.triangle_counts.items()}
+        else:
             result.counts, result.levels, result.largest = {}, {}, {}
         if "timings" in self.options.only:
             with self._clock("cells", cell.label):
@@ -267,7 +269,7 @@ class Runner(Measurer):
         self.run_folder = folder
 
     def run(self, order: Sequence[str], plugin_files: tuple[Path, ...] = ()) -> RunSummary:
-        """Run the cells, and write tables, status and report of all that is finished.
+        """Run the cells, and write tables and status of all that is finished.
 
         Parameters
         ----------
@@ -287,7 +289,6 @@ class Runner(Measurer):
         self.run_folder.write_tables()
         self.run_folder.write_status(status, warnings=self.summary.warnings,
                                      seconds={name: round(value, 6) for name, value in self.seconds.items()})
-        write_report(self.run_folder)
         return self.summary
 
 

@@ -79,7 +79,11 @@ def test_no_sample_of_the_hard_cases_is_wrong(name, changed, frames):
     assert {case: n for case, n in wrong.items() if n} == {}
 
 
-@pytest.mark.parametrize("scene_name", SCENES)
+LARGE = ("village", "tree_on_snow", "kitchen", "tree")
+
+
+@pytest.mark.parametrize("scene_name", [pytest.param(name, marks=pytest.mark.slow) if name in LARGE else name
+                                        for name in SCENES])
 def test_no_sample_of_a_built_in_scene_is_wrong(scene_name):
     fewer = ["geometry.0.triangles=20000"] if scene_name == "fuzzy" else []
     scene = load_scene(scene_name, ["image.width=160", "image.height=120", *fewer])

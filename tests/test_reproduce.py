@@ -1,5 +1,6 @@
 """Items to reproduce: what each is made of, from made-up cells to its folder; the committed results; verdicts; rows."""
 
+import dataclasses
 import json
 import re
 import zlib
@@ -12,15 +13,27 @@ from shadowbench import image_io
 from shadowbench.algorithm_specs import parse_algorithm_spec, validate_params
 from shadowbench.algorithms import ALGORITHMS
 from shadowbench.errors import InputError
-from shadowbench.reproduce import ALL_PAPERS, all_items, find_items
+from shadowbench.report.pictures import LEGEND_ROWS
+from shadowbench.reproduce import ALL_PAPERS, all_items, find_items, tiles
 from shadowbench.reproduce.items import Claim, Measured, Measurement, Range, about, at_least, at_most
-from shadowbench.reproduce.output import Circumstances, markdown_table, verdict_json, verdict_table, write_item
+from shadowbench.reproduce.mosaic import Tile
+from shadowbench.reproduce.output import (
+    Circumstances,
+    latex_table,
+    markdown_table,
+    redraw,
+    verdict_json,
+    verdict_table,
+    write_item,
+)
+from shadowbench.reproduce.overview import overall, reason, write_overview
 from shadowbench.reproduce.rows import cell_rows, mean, read_csv, to_csv, values, variation
 from shadowbench.reproduce.store import Origin
 from shadowbench.results import AccuracyRecord, CellResult, make_label
 from shadowbench.scenes import SCENES
 
 RESULTS = Path(__file__).parent.parent / "results"
+DRAWN_TWICE = ("S11.F5", "Sen.F7", "N2", "S14.C1")
 ITEMS = pytest.mark.parametrize("item", all_items(), ids=lambda item: item.id)
 
 
@@ -71,23 +84,29 @@ def picture(tmp_path_factory):
     """A file for every picture that an item asks for: a PNG file, or an EXR file with all channels."""
     rng, folder = np.random.default_rng(0), tmp_path_factory.mktemp("picture")
     image_io.write_png(folder / "picture.png", rng.integers(0, 255, (40, 30, 3), dtype=np.uint8))
+    image_io.write_png(folder / "legend.png", rng.integers(0, 255, (40 + LEGEND_ROWS, 30, 3), dtype=np.uint8))
     image_io.write_exr(folder / "picture.exr", {
         "depth": np.where(np.arange(40)[:, None] < 10, 5.0, 1.0 + rng.random((40, 30))).astype(np.float32),
         "candidate": np.ones((40, 30), np.uint32), "tests": rng.integers(1, 9, (40, 30), np.uint32),
-        "shadow": rng.integers(0, 2, (40, 30)).astype(np.float32)})
+        "shadow": rng.integers(0, 2, (40, 30)).astype(np.float32), "error": rng.integers(0, 4, (40, 30), np.uint32)})
     return folder
 
 
 class Pictures(dict):
-    """The same picture for every method and kind."""
+    """The same picture for every view and kind: a name without a suffix is a view, which holds pictures."""
 
     def __init__(self, folder):
         self.folder = folder
 
+    def __bool__(self):
+        return True
+
     def __missing__(self, name):
         if "exr" in name:
             return self.folder / "picture.exr"
-        return self if "+" in name or name in ("ptsv", "z_pass", "z_fail") else self.folder / "picture.png"
+        if name in ("heatmap", "error"):
+            return self.folder / "legend.png"
+        return self if "/" in name or "+" in name or name in ALGORITHMS else self.folder / "picture.png"
 
 
 @ITEMS
@@ -107,16 +126,21 @@ def test_ids_are_unique():
 @ITEMS
 @pytest.mark.parametrize("size", ["full", "quick"])
 def test_item_from_cells_to_folder(item, size, tmp_path, picture):
-    """Every file is there, the verdicts follow from data.csv alone, and the same cells give the same bytes."""
+    """Every file is there, the verdicts follow from data.csv alone, and the same cells give the same bytes.
+
+    Figures, which take a second each, are drawn once per item, and twice for a few.
+    """
+    if size == "full":
+        item = dataclasses.replace(item, plot=None)
     cells = [cell for measurement in getattr(item, size) for cell in made_up(measurement)]
-    folders = [tmp_path / "a", tmp_path / "b"] if size == "quick" else [tmp_path / "a"]
+    folders = [tmp_path / "a", tmp_path / "b"] if size == "quick" and item.id in DRAWN_TWICE else [tmp_path / "a"]
     pictures = Pictures(picture)
     circumstances = Circumstances(f"shadowbench reproduce {item.paper}/{item.id}", [Origin("abc", "a processor", 2)])
     for folder in folders:
         verdicts = write_item(item, cells, pictures, folder, circumstances)
     files = {path.name for path in folders[0].iterdir()}
-    assert {"data.csv", "table.md", "caption.md", "verdict.json"} <= files
-    assert ({"figure.svg", "figure.png"} <= files) == (item.plot is not None)
+    assert {"data.csv", "table.md", "table.tex", "caption.md", "verdict.json", "thumbnail.png"} <= files
+    assert ({"figure.svg", "figure.pdf", "figure.png"} <= files) == (item.plot is not None)
     check_folder(item, folders[0])
     assert item.judge(read_csv(folders[0] / "data.csv")) == verdicts
     text = verdict_table(item, verdicts)
@@ -132,11 +156,13 @@ def check_folder(item, folder):
     verdicts = item.judge(read_csv(folder / "data.csv"))
     assert (folder / "verdict.json").read_text() == verdict_json(item, verdicts)
     assert (folder / "table.md").read_text() == markdown_table(verdicts)
+    assert (folder / "table.tex").read_text() == latex_table(verdicts)
     caption = (folder / "caption.md").read_text()
     for measurement in item.full:
         assert f"`{measurement.scene}`" in caption
     assert "stand-in" in caption and f"`shadowbench reproduce {item.paper}/{item.id}" in caption
-    assert "commit " in caption and "thread" in caption
+    assert "commit " in caption and "thread" in caption and item.shows.strip() in caption
+    assert all((verdict.verdict == "holds") != (f"{verdict.claim}: {verdict.why}." in caption) for verdict in verdicts)
 
 
 @ITEMS
@@ -146,7 +172,9 @@ def test_committed_results_are_whole(item):
     check_folder(item, folder)
     caption = (folder / "caption.md").read_text()
     assert "--quick" not in caption and "dirty" not in caption
-    assert (folder / "figure.svg").exists() == (folder / "figure.png").exists() == (item.plot is not None)
+    for suffix in ("svg", "pdf", "png"):
+        assert (folder / f"figure.{suffix}").exists() == (item.plot is not None)
+    assert f"]({item.paper}/{item.id}/caption.md)" in (RESULTS / "README.md").read_text()
     assert all(path.stat().st_size < 2 * 2**20 for path in folder.iterdir())
     rows = read_csv(folder / "data.csv")
     expected = {(m.scene, m.size, frame) for m in item.full for frame in m.frames}
@@ -154,6 +182,9 @@ def test_committed_results_are_whole(item):
     assert all(row.get("wrong", 0) == 0 for row in rows if ALGORITHMS[row["method"].partition("+")[0]].exact)
     verdicts = json.loads((folder / "verdict.json").read_text())["verdicts"]
     assert [v["claim"] for v in verdicts] == [claim.text for claim in item.claims]
+    unexplained = [v["claim"] for v, claim in zip(verdicts, item.claims, strict=True)
+                   if v["verdict"] != "holds" and not claim.otherwise]
+    assert not unexplained
 
 
 @pytest.mark.parametrize(("value", "verdict"), [(2.0, "holds"), (4.0, "holds"), (1.9, "holds in part"),
@@ -220,3 +251,89 @@ def test_items_are_found_by_paper_and_name():
 def test_unknown_items_are_told_what_was_meant(what, meant):
     with pytest.raises(InputError, match=f"did you mean {re.escape(meant)}"):
         find_items(what)
+
+
+def test_results_fit_the_repository():
+    sizes = [path.stat().st_size for path in RESULTS.rglob("*") if path.is_file() and "runs" not in path.parts]
+    assert sum(sizes) < 60 * 2**20
+
+
+def small_item(item_id="S14.C1"):
+    item, = find_items(item_id)
+    return item, [cell for measurement in item.quick for cell in made_up(measurement)]
+
+
+def test_redrawing_measures_nothing_and_keeps_the_origin(tmp_path):
+    item, cells = small_item()
+    write_item(item, cells, {}, tmp_path, Circumstances("shadowbench reproduce x", [Origin("abc", "a processor", 2)]))
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    (tmp_path / "table.tex").unlink()
+    (tmp_path / "verdict.json").write_text("{}")
+    assert redraw(item, tmp_path) == item.judge(read_csv(tmp_path / "data.csv"))
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+    with pytest.raises(OSError, match="caption"):
+        redraw(item, tmp_path / "elsewhere")
+
+
+def test_latex_escapes_what_it_would_read():
+    claim = Claim("a_b & 5 % of {x} ~ #1", "$2 ^ 3$", lambda rows: 1.0, at_most(1.0), at_most(1.0), " %")
+    line = latex_table([claim.judge([])]).splitlines()[4]
+    assert line == (r"a\_b \& 5 \% of \{x\} \textasciitilde{} \#1 & \$2 \textasciicircum{} 3\$ & 1 \% & holds \\")
+
+
+def verdicts_of(*outcomes):
+    return [{"verdict": o, "claim": f"claim {i}", "measured": "1x", "published": "2x", "why": f"because {i}"}
+            for i, o in enumerate(outcomes)]
+
+
+@pytest.mark.parametrize(("outcomes", "summary", "line"), [
+    (("holds", "holds"), "**holds**", "claim 0: 1x (published: 2x)"),
+    (("holds", "holds in part"), "**holds in part**: 1 of 2 claims", "claim 1: because 1"),
+    (("holds in part", "does not hold"), "**holds in part**: 0 of 2 claims", "claim 1: because 1"),
+    (("does not hold",), "**does not hold**", "claim 0: because 0")])
+def test_an_items_verdict_sums_up_its_claims(outcomes, summary, line):
+    assert overall(verdicts_of(*outcomes)) == summary and reason(verdicts_of(*outcomes)) == line
+
+
+def test_the_overview_lists_what_is_there_and_names_what_is_not(tmp_path):
+    item, cells = small_item()
+    write_item(item, cells, {}, tmp_path / item.paper / item.id, Circumstances("x", [Origin("abc", "a processor", 2)]))
+    write_overview(tmp_path)
+    text = (tmp_path / "README.md").read_text()
+    assert f"**[{item.id}]({item.paper}/{item.id}/caption.md)** {item.title}" in text
+    assert f'src="{item.paper}/{item.id}/thumbnail.png"' in text and f"{len(item.claims)} claims: " in text
+    missing = re.search(r"Not reproduced here: (.*)\.", text)[1].split(", ")
+    assert missing == [other.id for other in all_items() if other.id != item.id]
+
+
+def test_every_published_item_is_listed():
+    """The ids of the list of figures, tables and claims that the project set out to reproduce."""
+    ids = {item.id for item in all_items()}
+    expected = {"sintorn2011": "F5 F7t F7o C1 C2 C3", "sintorn2014": "F1 F3 F5 F6 F7 F8 F9 C1",
+                "sen2003": "F1 T1 C1 F6 F7 F8 F9 F10 C2", "chan2004": "F5 F6 F8 F9 F10 F11 F12 C1",
+                "hertel2009": "T1 T2 F3 F4 F5"}
+    prefix = {"sintorn2011": "S11", "sintorn2014": "S14", "sen2003": "Sen", "chan2004": "Ch", "hertel2009": "He"}
+    wanted = {f"{prefix[paper]}.{name}" for paper, names in expected.items() for name in names.split()}
+    assert wanted | {f"N{k}" for k in range(1, 7)} <= ids
+
+
+def test_tiles_cut_and_mark(tmp_path):
+    pixels = np.zeros((10, 20, 3), np.uint8)
+    errors = np.zeros((10, 20), np.uint32)
+    errors[2, 5], errors[7, 15], errors[0, 0] = 1, 2, 3
+    image_io.write_png(tmp_path / "a.png", pixels)
+    image_io.write_exr(tmp_path / "s.exr", {"error": errors, "tests": errors})
+    files = {"v": {"shaded": tmp_path / "a.png", "shadow_exr": tmp_path / "s.exr"}}
+    left = tiles.tile_pixels(Tile("v", "", crop=(0.0, 0.0, 0.5, 1.0), marks=True), files)
+    assert left.shape == (10, 10, 3) and left[2, 5].tolist() == [230, 28, 36] and left.sum() == 230 + 28 + 36
+    assert tiles.count_errors(tmp_path / "s.exr", (0.5, 0.5, 1.0, 1.0)) == (0, 1)
+    assert tiles.count_errors(tmp_path / "s.exr", (0.0, 0.0, 1.0, 1.0)) == (1, 1)
+    assert tiles.share_tested(tmp_path / "s.exr") == pytest.approx(3 / 200)
+
+
+def test_triangle_tests_are_coloured_by_answer(tmp_path):
+    shadow = np.array([[1.0, 0.0, 0.0]], np.float32)
+    image_io.write_exr(tmp_path / "s.exr", {"shadow": shadow, "tests": np.array([[63, 0, 9]], np.uint32)})
+    image_io.write_exr(tmp_path / "g.exr", {"candidate": np.array([[1, 1, 0]], np.uint32)})
+    red, green, black = tiles.color_tests(tmp_path / "s.exr", tmp_path / "g.exr")[0].astype(int)
+    assert red[0] > 240 > 100 > red[1] and green[1] > green[0] and green.max() < 40 and black.max() == 0

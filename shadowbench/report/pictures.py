@@ -142,7 +142,7 @@ def shadow_mask(frame: Frame, buffer: ShadowBuffer) -> Pixels:
 
 
 @cache
-def _heat_ramp() -> Pixels:
+def heat_ramp() -> Pixels:
     """sRGB colours of the heat map's scale; the first is the colour of no test at all."""
     return to_srgb(image_io.color_ramp(HEAT_COLORS, 256))
 
@@ -151,7 +151,7 @@ def heat_map(frame: Frame, heat: NDArray[np.int64], title: str) -> Pixels:
     """Tests per pixel on the shared scale, with a legend below the picture."""
     tests = resolve_to_pixels(heat, frame.image)
     level = np.log2(1.0 + tests) / np.log2(1.0 + HEAT_LIMIT)
-    picture = _heat_ramp()[np.minimum(level * 255.0, 255.0).astype(np.int64)]
+    picture = heat_ramp()[np.minimum(level * 255.0, 255.0).astype(np.int64)]
     return np.concatenate([picture, _heat_legend(picture.shape[1], title, int(tests.sum()), float(tests.mean()))])
 
 
@@ -160,7 +160,7 @@ def _heat_legend(width: int, title: str, total: int, mean: float) -> Pixels:
     strip = np.full((LEGEND_ROWS, width, 3), 24, np.uint8)
     left, right = 8, max(width - 8, 9)
     levels = np.linspace(0, 255, right - left).astype(np.int64)
-    strip[4:16, left:right] = _heat_ramp()[levels][None]
+    strip[4:16, left:right] = heat_ramp()[levels][None]
     if width < 320:                                  # no room for text
         return strip
     for power in range(0, 13, 2):

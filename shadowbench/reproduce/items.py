@@ -36,6 +36,7 @@ class Measurement:
     height : height of the image if it is not square, else 0.
     triangles : number of triangles if it is not the scene's own, else 0.
     settings : further ``dotted.key=value`` of the scene file, such as ``image.samples=4``.
+    light : position of the light if it is not the scene's own, world, else None.
     """
 
     scene: str
@@ -51,6 +52,7 @@ class Measurement:
     height: int = 0
     triangles: int = 0
     settings: tuple[str, ...] = ()
+    light: tuple[float, float, float] | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -160,7 +162,15 @@ def _within(numbers: Range) -> str:
 
 
 Pictures = Mapping[str, Mapping[str, Path]]
-"""Files by label and kind: PNG such as ``pictures["ptsv"]["heatmap"]``, and the EXR ``shadow_exr`` and ``gbuffer_exr``."""
+"""Files by view and kind: PNG such as ``pictures["ptsv"]["heatmap"]``, and the EXR ``shadow_exr`` and ``gbuffer_exr``.
+
+A view is a label, or, where an item has several scenes or frames, ``scene/frame/label``; see `view_key`.
+"""
+
+
+def view_key(scene: str, frame: int, label: str) -> str:
+    """Name a view of `Pictures`."""
+    return f"{scene}/{frame}/{label}"
 
 
 class Evidence(NamedTuple):
@@ -205,6 +215,11 @@ class Item:
     claims: tuple[Claim, ...]
     plot: Callable[[Evidence, Path], None] | None = None
     from_pictures: Callable[[Sequence[Row], Pictures], list[Row]] | None = None
+
+    @property
+    def shows_pictures(self) -> bool:
+        """True if the figure is made from pictures, not from ``data.csv`` alone."""
+        return any(measurement.images for measurement in self.full)
 
     def judge(self, rows: Sequence[Row]) -> list[Verdict]:
         """Judge every claim."""

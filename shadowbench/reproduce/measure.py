@@ -12,7 +12,7 @@ from typing import NamedTuple
 from shadowbench import environment, plan
 from shadowbench.algorithm_specs import parse_algorithm_spec, validate_params
 from shadowbench.progress import Progress
-from shadowbench.reproduce.items import Measured, Measurement
+from shadowbench.reproduce.items import Measured, Measurement, view_key
 from shadowbench.reproduce.store import CellStore, Kept, Origin, StoreFolder
 from shadowbench.runner import Measurer
 from shadowbench.scenes.loader import Scene, load_scene
@@ -37,13 +37,17 @@ def this_origin() -> Origin:
 
 
 @cache
-def _scene(name: str, width: int, height: int, n_frames: int, triangles: int, settings: tuple[str, ...] = ()
+def _scene(name: str, width: int, height: int, n_frames: int, triangles: int,
+           light: tuple[float, float, float] | None = None, settings: tuple[str, ...] = ()
            ) -> tuple[Scene, float]:
     """Load a scene; returns it with the seconds that it took."""
     start = time.perf_counter()
-    count = (f"geometry.0.triangles={triangles}",) if triangles else ()
-    scene = load_scene(name, (f"image.width={width}", f"image.height={height}", f"frames={n_frames}", *count,
-                              *settings))
+    changed = [f"image.width={width}", f"image.height={height}", f"frames={n_frames}"]
+    if triangles:
+        changed.append(f"geometry.0.triangles={triangles}")
+    if light is not None:
+        changed.append(f"light.position=[{', '.join(map(repr, light))}]")
+    scene = load_scene(name, [*changed, *settings])
     return scene, time.perf_counter() - start
 
 
@@ -64,7 +68,7 @@ def measure(measurements: Iterable[Measurement], store: CellStore) -> Cells:
 
 def _cells(wanted: Measurement, store: CellStore) -> list[Kept]:
     """Cells of one measurement, in the order of frames and methods."""
-    scene, seconds = _scene(wanted.scene, *wanted.shape, wanted.n_frames, wanted.triangles, wanted.settings)
+    scene, seconds = _scene(wanted.scene, *wanted.shape, wanted.n_frames, wanted.triangles, wanted.light, wanted.settings)
     specs = [parse_algorithm_spec(method) for method in wanted.methods]
     cells = plan.plan_cells(scene, [(name, validate_params(name, params)) for name, params in specs], wanted.frames)
     missing = [cell for cell in cells if store.find(cell.key, wanted) is None]
@@ -88,6 +92,10 @@ def _cells(wanted: Measurement, store: CellStore) -> list[Kept]:
 
 
 def pictures_of(measured: Iterable[Measured], store: CellStore) -> dict[str, dict[str, Path]]:
-    """Files of the cells that kept pictures, by label and kind."""
-    return {cell.label: {kind.removesuffix("_png"): store.path / file for kind, file in cell.files.items()}
-            for measurement, cell in measured if measurement.images}
+    """Files of the cells that kept pictures, by view and kind: views by their `view_key`, and by label alone."""
+    found: dict[str, dict[str, Path]] = {}
+    for measurement, cell in measured:
+        if measurement.images:
+            files = {kind.removesuffix("_png"): store.path / file for kind, file in cell.files.items()}
+            found[cell.label] = found[view_key(measurement.scene, cell.frame, cell.label)] = files
+    return found

@@ -9,6 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from shadowbench.reproduce.items import Claim, Evidence, Item, Measurement, Row, at_least, at_most
+from shadowbench.reproduce.new_branching import N1
+from shadowbench.reproduce.new_growth import N3
+from shadowbench.reproduce.new_motion import N4
+from shadowbench.reproduce.new_pareto import N2
 from shadowbench.reproduce.rows import cell_rows, mean, values
 from shadowbench.reproduce.variants import Value, Variant, ratio, variant
 
@@ -180,4 +184,4 @@ N6 = Item(
     claims=tuple(claim for hierarchy in HIERARCHIES for claim in group_claims(hierarchy)),
     plot=plot_groups)
 
-ITEMS = (N5, N6)
+ITEMS = (N1, N2, N3, N4, N5, N6)

@@ -1,4 +1,4 @@
-"""Figures: a few kinds of plot, written as SVG and PNG that are the same bytes for the same data."""
+"""Figures: a few kinds of plot, written as SVG, PDF and PNG that are the same bytes for the same data."""
 
 from __future__ import annotations
 
@@ -26,9 +26,15 @@ _STYLE: dict[Any, Any] = {"svg.hashsalt": "shadowbench", "font.size": 9, "axes.s
 
 def panels(n_columns: int, width: float = 4.2, height: float = 3.2) -> tuple[Figure, Sequence[Axes]]:
     """Make a figure of axes side by side, of a size in inches each."""
+    figure, grid = panel_grid(1, n_columns, width, height)
+    return figure, grid[0]
+
+
+def panel_grid(n_rows: int, n_columns: int, width: float, height: float) -> tuple[Figure, Sequence[Sequence[Axes]]]:
+    """Make a figure of rows of axes, of a size in inches each."""
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(width * n_columns, height), layout="constrained")
-        return figure, figure.subplots(1, n_columns, squeeze=False)[0]
+        figure = Figure(figsize=(width * n_columns, height * n_rows), layout="constrained")
+        return figure, [list(row) for row in figure.subplots(n_rows, n_columns, squeeze=False)]
 
 
 def draw_lines(axes: Axes, x: Sequence[float], series: Mapping[str, Sequence[float]], title: str, y_label: str) -> None:
@@ -70,8 +76,34 @@ def draw_picture(axes: Axes, file: Path, title: str) -> None:
     axes.set_axis_off()
 
 
-def save(figure: Figure, folder: Path) -> None:
-    """Write ``figure.svg`` and ``figure.png``, without dates and version numbers."""
+def table_of(lines: Sequence[tuple[str, ...]], widths: Sequence[float]) -> Figure:
+    """Draw a table: what stands for the figure of an item that has none; `widths` in inches."""
     with mpl.rc_context(_STYLE):
-        figure.savefig(folder / "figure.svg", metadata={"Date": None, "Creator": "shadowbench"})
-        figure.savefig(folder / "figure.png", dpi=PNG_DPI, metadata={"Software": None})
+        figure = Figure(figsize=(sum(widths), 0.26 * (len(lines) + 1)))
+        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+        axes.set_axis_off()
+        total = sum(widths)
+        table = axes.table([list(line) for line in lines], loc="center", cellLoc="left",
+                           colWidths=[width / total for width in widths])
+        table.auto_set_font_size(False)
+        table.set_fontsize(8)
+        for (row, _), cell in table.get_celld().items():
+            cell.set_edgecolor("#c8c8c8")
+            if row == 0:
+                cell.set_text_props(weight="bold")
+        return figure
+
+
+def save(figure: Figure, folder: Path) -> None:
+    """Write ``figure.svg``, ``figure.pdf`` and ``figure.png``, without dates and version numbers."""
+    with mpl.rc_context(_STYLE):
+        figure.savefig(folder / "figure.svg", dpi=PNG_DPI, metadata={"Date": None, "Creator": "shadowbench"})
+        figure.savefig(folder / "figure.pdf", dpi=PNG_DPI, metadata={"CreationDate": None, "Creator": "shadowbench",
+                                                                     "Producer": None})
+        save_png(figure, folder / "figure.png")
+
+
+def save_png(figure: Figure, file: Path, dpi: float = PNG_DPI) -> None:
+    """Write a PNG alone."""
+    with mpl.rc_context(_STYLE):
+        figure.savefig(file, dpi=dpi, metadata={"Software": None}, pil_kwargs={"optimize": True})

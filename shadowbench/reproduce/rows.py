@@ -19,7 +19,8 @@ def cell_rows(*columns: str) -> Callable[[Sequence[Measured]], list[Row]]:
 
     Parameters
     ----------
-    *columns : counters and fields of the accuracy by name; ``wrong``; ``seconds``, the median time; ``stage.NAME``, the
+    *columns : counters by name; ``wrong``, ``false_shadow``, ``false_light`` and
+        ``lit_candidates``, samples; ``seconds``, the median time; ``stage.NAME``, the
         median time of a stage; ``memory.NAME``, the bytes of a structure; ``COUNTER.level``, one column per tree level.
     """
     def rows(measured: Sequence[Measured]) -> list[Row]:
@@ -29,9 +30,12 @@ def cell_rows(*columns: str) -> Callable[[Sequence[Measured]], list[Row]]:
 
 
 def where(measured: Measured) -> dict[str, int | float | str]:
-    """Say what was measured, in the columns `WHERE`; also ``height`` and ``triangles`` where they are not the usual ones."""
+    """Say what was measured, in the columns `WHERE`; also ``height``, ``triangles`` and ``light`` where they are not the
+    usual ones."""
     measurement, cell = measured
-    unusual = {"height": measurement.height, "triangles": measurement.triangles}
+    light = "" if measurement.light is None else " ".join(f"{value:g}" for value in measurement.light)
+    unusual: dict[str, int | float | str] = {"height": measurement.height, "triangles": measurement.triangles,
+                                             "light": light}
     return {"scene": cell.scene, "size": measurement.size, "published_size": measurement.published_size or measurement.size,
             "frame": cell.frame, "method": cell.label, **{name: value for name, value in unusual.items() if value}}
 
@@ -50,6 +54,8 @@ def _values(measured: Measured, column: str) -> dict[str, int | float]:
         return {f"{kind}.{level}": value for level, value in enumerate(cell.levels.get(kind, []))}
     if column == "wrong" and cell.accuracy is not None:
         return {column: cell.accuracy.false_shadow + cell.accuracy.false_light}
+    if column in ("false_shadow", "false_light", "lit_candidates") and cell.accuracy is not None:
+        return {column: getattr(cell.accuracy, column)}
     return {column: cell.counts.get(column, 0)}
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from shadowbench.reproduce import transparency_rows
 from shadowbench.reproduce.items import Claim, Evidence, Item, Measurement, Range, Row, about, at_least, at_most
 from shadowbench.reproduce.rows import cell_rows, mean, values, variation
+from shadowbench.reproduce.sintorn2011_robustness import C3
 
 PAPER = "sintorn2011"
 CULLED, ALL = "ptsv+casters=back_faces", "ptsv"
@@ -226,4 +227,4 @@ C2 = Item(
               about(384.0, MEMORY_SHARE), about(384.0, EXPONENT_SHARE), " MiB",
               "The map here has 8 bytes per texel, a float64 depth, and triangle numbers of one face; the paper counts 4")))
 
-ITEMS = (*transparency_rows.ITEMS, F5, F7T, F7O, C1, C2)
+ITEMS = (*transparency_rows.ITEMS, F5, F7T, F7O, C1, C2, C3)
