@@ -83,7 +83,8 @@ F1 = Item(
         Claim("Alpha-textured casters take this much longer than the game scene", "1.8x",
               time_ratio(CLEAR, GAME, "alpha_tree", "citadel"), Range(1.8 / TIME_FACTOR, 1.8 * TIME_FACTOR), at_least(1.0),
               otherwise="The tree is much the harder stand-in: all its casters count, nine times the test-and-set "
-              "operations, and shares of light must be multiplied to the end, where binary shadows skip what is dark already"),
+              "operations, and shares of light must be multiplied to the end, where binary shadows skip what is dark "
+              "already"),
         Claim("Coloured casters with 8 layers take this much longer than the game scene", "10.4x",
               time_ratio(GLASS, GAME, "stained_glass", "citadel"), Range(10.4 / TIME_FACTOR, 10.4 * TIME_FACTOR),
               at_least(1.0), otherwise="The view has three layers, and the deeper ones hold few samples"),
