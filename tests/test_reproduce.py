@@ -67,7 +67,7 @@ def made_up(measurement):
         for method in measurement.methods:
             name, params = parse_algorithm_spec(method)
             label = make_label(name, validate_params(name, params).model_dump(exclude_defaults=True))
-            numbers = MadeUp((measurement.scene, measurement.size, measurement.triangles, frame, label))
+            numbers = MadeUp((measurement.scene, measurement.size, measurement.triangles, measurement.light, frame, label))
             levels = {"node_tests", "refinements"} | ({"fruitless_refinements"} if name == "ptsv" else set())
             cells.append(Measured(measurement, CellResult.model_construct(
                 key=label, scene=measurement.scene, frame=frame, algorithm=name, label=label, status="done", params=params,

@@ -38,19 +38,16 @@ RAYS = {"four_buildings": (55_294, 32_079), "village": (905_290, 236_350), "tree
 CPU = "Times are of a CPU, the paper's of a graphics card: compare ratios alone. "
 
 MAP_IS_DEAR = (
-    "Ruled out: the scene (the paper's number of triangles), wrong answers (none), the number of rays and the kd-tree nodes "
-    "met (both fall, see the other claims). What is left is the map: drawing it conservatively at 1024 x 1024 takes a CPU "
-    "longer than tracing all rays (stage.map beside stage.trace in data.csv), while the paper's card drew it in 7 to 13 ms "
-    "of "
-    "hundreds")
+    "Ruled out: the scene (the paper's number of triangles), wrong answers (none), the number of rays and the kd-tree "
+    "nodes met (both fall, see the other claims). What is left is the map: drawing it conservatively at 1024 x 1024 takes "
+    "a CPU longer than tracing all rays (stage.map beside stage.trace in data.csv), while the paper's card drew it in 7 "
+    "to 13 ms of hundreds")
 NOISE = ("Fewer rays, nodes and tests are counted, in any case; what is left of the time is the machine's, which was "
-         "shared, and "
-         "the look-up of each sample's interval")
+         "shared, and the look-up of each sample's interval")
 FRAGMENTS = (
     "Ruled out: the answer (no wrong sample), the number of triangles (the paper's), the work (discarding looks at more "
     "fragments, as it should). The paper's card is limited by the triangles it is sent, and polygons make more of them; a "
-    "CPU "
-    "is limited by fragments, and discarding makes more of those")
+    "CPU is limited by fragments, and discarding makes more of those")
 
 
 def measurements(size: int, height: int, scenes: Sequence[str], methods: tuple[str, ...], repeats: int
@@ -139,8 +136,7 @@ T2 = Item(
               Range(max(RAYS[scene][0] / RAYS[scene][1] / STAND_IN_FACTOR, 1.0),
                     RAYS[scene][0] / RAYS[scene][1] * STAND_IN_FACTOR),
               at_least(1.0), otherwise="How many samples the map settles is a property of the view: the more of it lies "
-                                       "wholly "
-              "in light or wholly in one triangle's shadow, the more"),
+                                       "wholly in light or wholly in one triangle's shadow, the more"),
         Claim(f"{scene}: all rays over uncertain rays, time",
               f"{TRACED_MS[scene][0]} over {TRACED_MS[scene][1]} ms: {TRACED_MS[scene][0] / TRACED_MS[scene][1]:.2f}x",
               ratio("seconds", ALL_RAYS, UNCERTAIN, scene), at_least(1.0), at_least(1.0 / SLACK), otherwise=MAP_IS_DEAR),

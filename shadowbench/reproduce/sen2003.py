@@ -168,28 +168,23 @@ def plot_fills(evidence: Evidence, folder: Path) -> None:
 
 
 FROM_AFAR = ("Ruled out: the map's resolution and the image's (the paper's), the count (four depths disagree, as in the "
-             "paper). "
-             "What is left is the view: P grows with the size of a texel on the screen, and the paper zooms in on the "
-             "shadow")
+             "paper). What is left is the view: P grows with the size of a texel on the screen, and the paper zooms in on "
+             "the shadow")
 
 FROM_ANOTHER_SIDE = (
     "Ruled out: the number of silhouette edges (about the paper's), drawing edges twice (each is drawn once; twice would "
-    "give "
-    "about double), z-fail's caps (z-pass has within a few per cent the same number of fragments). What is left is the "
-    "view: "
-    "O hangs on how much of the screen the volumes cross, and the stand-ins' cameras look along them")
+    "give about double), z-fail's caps (z-pass has within a few per cent the same number of fragments). What is left is "
+    "the view: O hangs on how much of the screen the volumes cross, and the stand-ins' cameras look along them")
 
 SHOWN = ("A silhouette map of 512 texels along the side, and z-fail shadow volumes, in an image of 512 x 512, each "
-         "silhouette edge of a closed body drawn once. Scene fill: "
-         "samples that show a surface. P: samples whose four depths disagree, as a share of it. O: fragments of shadow "
-         "volumes over it. ")
+         "silhouette edge of a closed body drawn once. Scene fill: samples that show a surface. P: samples whose four "
+         "depths disagree, as a share of it. O: fragments of shadow volumes over it. ")
 
 T1 = Item(
     "Sen.T1", PAPER, "Silhouette edges, silhouette fill P and overdraw O of shadow volumes", "Table 1",
-    SHOWN + "The stand-ins have the paper's numbers of triangles; its frames per second are left out, for they are limited "
-            "by "
-    "its host. The paper looks at each shadow from nearby (it calls its P artificially high for that), the stand-ins' views "
-    "show the whole scene.",
+    SHOWN + "The stand-ins have the paper's numbers of triangles; its frames per second are left out, for they are "
+    "limited by its host. The paper looks at each shadow from nearby (it calls its P artificially high for that), the "
+    "stand-ins' views show the whole scene.",
     full=fills(512, tuple(PUBLISHED)), quick=fills(256, tuple(PUBLISHED)), rows=fill_rows,
     claims=tuple(claim for scene, (edges, share, layers) in PUBLISHED.items() for claim in (
         Claim(f"{scene}: silhouette edges", f"{edges:,}", lambda rows, scene=scene: mean(  # type: ignore[misc]
