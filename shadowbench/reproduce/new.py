@@ -90,7 +90,7 @@ def planes_claims(hierarchy: str, scene: str) -> tuple[Claim, ...]:
               otherwise="Setting up more planes per frustum takes what the traversal saves"),
         Claim(f"{name}: wedge planes beside outline planes save operations", "none; expected above 1x",
               planes_ratio(hierarchy, "outline", "outline+wedge", scene), at_least(1.1), at_least(1.0),
-              otherwise="Both sets cut what lies beside the volume on the screen: few nodes pass the one and fail the other"))
+              otherwise="Both sets cut what lies beside the volume on the screen: few nodes pass one and not the other"))
 
 
 N5 = Item(
