@@ -217,8 +217,8 @@ F8 = Item(
           for name, before, after in (("wedge planes", *STEPS[:2]), ("explicit bounds", *STEPS[1:3]))),
         Claim(f"{scene}: two passes remove spikes (slowest frame over the median, one pass over two)", "spikes gone",
               spikes(scene), at_least(1.1), at_least(0.95),
-              otherwise="The slowest frame is as slow with two passes: it has more work in all, not one job that holds up the "
-              "others, which is what two passes cut"))),
+              otherwise="The slowest frame is as slow with two passes: it has more work in all, not one job that holds up "
+              "the others, which is what two passes cut"))),
     plot=cluster_plots.traversal)
 
 HD = Measurement("citadel", 1920, TIMED, (COMPACT.spec,), repeats=3, verify=False, height=1080)
