@@ -67,7 +67,7 @@ def redraw(item: Item, folder: Path) -> list[Verdict]:
     ------
     OSError
         If the item was not reproduced in this folder.
-    LookupError
+    LookupError, ValueError
         If its ``data.csv`` lacks what the claims are about.
     """
     caption_lines = (folder / "caption.md").read_text(encoding="utf-8").splitlines()
