@@ -33,6 +33,7 @@ from shadowbench.results import AccuracyRecord, CellResult, make_label
 from shadowbench.scenes import SCENES
 
 RESULTS = Path(__file__).parent.parent / "results"
+FAILING_ON_PURPOSE = ("eye_count=off", "stencil_bits=8")
 DRAWN_TWICE = ("S11.F5", "Sen.F7")
 ITEMS = pytest.mark.parametrize("item", all_items(), ids=lambda item: item.id)
 
@@ -179,7 +180,8 @@ def test_committed_results_are_whole(item):
     rows = read_csv(folder / "data.csv")
     expected = {(m.scene, m.size, frame) for m in item.full for frame in m.frames}
     assert {(row["scene"], row["size"], row["frame"]) for row in rows} == expected
-    assert all(row.get("wrong", 0) == 0 for row in rows if ALGORITHMS[row["method"].partition("+")[0]].exact)
+    assert all(row.get("wrong", 0) == 0 for row in rows if ALGORITHMS[row["method"].partition("+")[0]].exact
+               and not row["method"].endswith(FAILING_ON_PURPOSE))
     verdicts = json.loads((folder / "verdict.json").read_text())["verdicts"]
     assert [v["claim"] for v in verdicts] == [claim.text for claim in item.claims]
     unexplained = [v["claim"] for v, claim in zip(verdicts, item.claims, strict=True)
