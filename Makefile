@@ -4,15 +4,17 @@ BIN := .venv/bin
 RUN := $(BIN)/shadowbench
 WORKERS ?= 2
 
-.PHONY: help demo figures figures-quick test test-slow check bench lint clean
+.PHONY: help demo figures figures-quick test test-slow test-browser check bench lint docs clean
 help:
-	@echo "make demo       install, then run the citadel scene"
-	@echo "make figures    install, then reproduce every figure, table and claim into results/ (figures-quick: small, in minutes)"
-	@echo "make test       install, then run the tests"
-	@echo "make test-slow  the exhaustive tests"
-	@echo "make check      operation counts against results/counts.lock"
-	@echo "make bench      the performance bars, printed as ratios"
-	@echo "make lint       style, types and import rules"
+	@echo "make demo          install, then run the citadel scene"
+	@echo "make figures       install, then reproduce every figure, table and claim into results/ (figures-quick: small, in minutes)"
+	@echo "make test          install, then run the tests"
+	@echo "make test-slow     the exhaustive tests"
+	@echo "make test-browser  the report in headless Chromium, where there is one"
+	@echo "make check         operation counts against results/counts.lock"
+	@echo "make bench         the performance bars, printed as ratios"
+	@echo "make docs          the generated pages of the manual"
+	@echo "make lint          style, types and import rules"
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -45,6 +47,10 @@ test: .venv/installed-dev
 test-slow: .venv/installed-dev
 	$(BIN)/python -m pytest -m slow
 
+test-browser: .venv/installed-dev
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[browser]'
+	$(BIN)/python -m pytest -m browser -rs
+
 check: .venv/installed
 	$(RUN) check
 
@@ -55,6 +61,9 @@ lint: .venv/installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+docs: .venv/installed-dev
+	$(BIN)/python docs/make_pages.py
 
 clean:
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis

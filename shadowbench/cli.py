@@ -227,6 +227,77 @@ def reproduce(what: str, quick: bool, out: Path, redraw: bool) -> None:
     sys.exit(command.redraw(chosen, out) if redraw else command.reproduce(chosen, quick, out))
 
 
+@cli.command()
+@click.argument("runs", metavar="RUN...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE",
+              help="File to write. Default: report.html in the run folder, or in the current one for several runs.")
+@with_plugins
+def report(runs: tuple[Path, ...], output: Path | None) -> None:
+    """Make one offline HTML file about runs: correctness, counts, times, pictures, failures, raw data.
+
+    RUN is a run folder. Where the pictures of all frames take more than 20 MB, a zip file is written instead; unpack it and
+    open its report.html.
+    """
+    from shadowbench.report.command import report as command
+
+    click.echo(command(runs, output))
+
+
+@cli.command()
+@click.argument("run_a", type=click.Path(path_type=Path))
+@click.argument("run_b", type=click.Path(path_type=Path))
+@click.option("--format", "style", type=click.Choice(["table", "md", "csv"]), default="table", show_default=True,
+              help="Aligned text, Markdown, or every value as CSV.")
+def compare(run_a: Path, run_b: Path, style: str) -> None:
+    """Compare two runs: counts, times with their spread, accuracy, pictures.
+
+    Says which differences of time are noise. Ends with exit code 5 if the runs have nothing in common.
+    """
+    from shadowbench.compare.command import compare as command
+
+    sys.exit(command(run_a, run_b, style))
+
+
+class PixelArgument(click.ParamType):
+    """``X,Y``, from the top left."""
+
+    name = "X,Y"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        """Turn ``160,120`` into two numbers."""
+        if isinstance(value, tuple):
+            return value
+        x, comma, y = value.partition(",")
+        if not (comma and x.strip().isdecimal() and y.strip().isdecimal()):
+            self.fail(f"{value!r} is no pixel: write X,Y, counted from 0 at the top left", param, ctx)
+        return int(x), int(y)
+
+
+@cli.command()
+@click.argument("scene", type=SceneArgument())
+@click.option("-a", "--algorithm", "spec", required=True, type=AlgorithmArgument(),
+              help="Method, such as 'ptsv[branching=8]'.")
+@click.option("--pixel", type=PixelArgument(), help="Pixel to explain, from 0,0 at the top left.")
+@click.option("--triangle", type=click.IntRange(0), help="Triangle to explain, by its number in the scene's mesh.")
+@click.option("--frame", type=click.IntRange(0), default=0, show_default=True, help="Frame.")
+@click.option("-D", "--define", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a value of the scene file.")
+@click.option("--size", type=ImageSizeArgument(), help="Image size, overriding the scene file's.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE",
+              help="Page with the picture. Default: explain-pixel-X,Y.html or explain-triangle-T.html.")
+@click.option("--all", "everything", is_flag=True, help="List also the tests that the heat map books on other samples.")
+@with_plugins
+def explain(scene: str, spec: str, pixel: tuple[int, int] | None, triangle: int | None, frame: int,
+            overrides: tuple[str, ...], size: tuple[int, int] | None, output: Path | None, everything: bool) -> None:
+    """List every test that touched a pixel, or that a triangle caused, with its outcome.
+
+    As many tests are numbered as the method's heat map says at that pixel. Also writes a page with the picture of the nodes,
+    cells or faces that were walked.
+    """
+    from shadowbench.explain.command import explain as command
+
+    command(scene, spec, pixel, triangle, frame=frame, overrides=overrides, size=size, output=output, everything=everything)
+
+
 @cli.command("list")
 @click.argument("kind", type=click.Choice(["algorithms", "scenes", "counters"]))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -306,11 +377,13 @@ def schema(kind: str) -> None:
 
 @cli.command()
 @click.argument("name", default="scene", type=SceneArgument())
-def init(name: str) -> None:
+@click.option("--mesh", type=click.Path(path_type=Path), metavar="FILE",
+              help="A mesh of your own: the scene shows it, with a camera and a light around it.")
+def init(name: str, mesh: Path | None) -> None:
     """Write a commented scene file, NAME.yaml, to start from."""
     from shadowbench import commands
 
-    file = commands.write_template(name)
+    file = commands.write_template(name, mesh)
     click.echo(file)
     click.echo(f"Next: edit it, then `shadowbench run {file}`", err=True)
 

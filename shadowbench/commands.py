@@ -12,7 +12,7 @@ from shadowbench.errors import InputError
 from shadowbench.report.table import format_table, summary
 from shadowbench.results import read_run
 from shadowbench.scenes import ALL_SCENES, SCENES
-from shadowbench.templates import template
+from shadowbench.templates import mesh_template, template
 
 
 def describe_algorithm(name: str) -> str:
@@ -75,12 +75,18 @@ def not_found(what: str) -> str:
     return f"{what} is no algorithm, built-in scene, scene file or run folder{hint}"
 
 
-def write_template(name: str) -> Path:
-    """Write ``NAME.yaml`` in the current folder, refusing to overwrite."""
+def write_template(name: str, mesh: Path | None = None) -> Path:
+    """Write ``NAME.yaml`` in the current folder, refusing to overwrite: a built-in scene, or one around a mesh file."""
     file = Path(f"{name.removesuffix('.yaml')}.yaml")
+    text = template(file.stem)
+    if mesh is not None:
+        from shadowbench.scenes.meshes import load_mesh
+
+        low, high = load_mesh(str(mesh)).mesh.bounds().tolist()
+        text = mesh_template(file.stem, mesh.as_posix(), low, high)
     try:
         with file.open("x", encoding="utf-8") as stream:
-            stream.write(template(file.stem))
+            stream.write(text)
     except FileExistsError as error:
         raise InputError(f"{file} exists already: choose another name, or remove it") from error
     except OSError as error:

@@ -168,11 +168,12 @@ class _Checker:
             if isinstance(name, str) and name not in SCENES:
                 self.add((*path, "generate"), f"unknown scene '{name}'; {did_you_mean(name, SCENES)}")
         material = value.get("material")
-        if isinstance(material, dict) and material.get("alpha_texture") is not None:
-            file = self.file(material["alpha_texture"], (*path, "material", "alpha_texture"), "texture")
-            if entry is not None and entry.material is not None:
-                new = entry.material.model_copy(update={"alpha_texture": file})
-                entry = entry.model_copy(update={"material": new})
+        for key in ("alpha_texture", "color_texture"):
+            if isinstance(material, dict) and material.get(key) is not None:
+                file = self.file(material[key], (*path, "material", key), "texture")
+                if entry is not None and entry.material is not None:
+                    new = entry.material.model_copy(update={key: file})
+                    entry = entry.model_copy(update={"material": new})
         return entry
 
     def unknown_keys(self, value: dict[str, Any], path: KeyPath) -> None:

@@ -154,6 +154,11 @@ ALL_COUNTERS: tuple[Counter, ...] = (
             "Hertel et al. 2009, sec. 4.2"),
     Counter("shadowed_by_map", "sample", "A view sample is shadowed by the triangle that its texel holds.",
             "Hertel et al. 2009, sec. 4.2"),
+    Counter("light_updates", "update",
+            "A transparent caster's share of light is multiplied into a tile or a view sample in its frustum, or drawn by "
+            "chance.", "Sintorn et al. 2011, sec. 3.2", in_all_work=True),
+    Counter("texture_lookups", "lookup", "A texture is looked up to shade a view sample.", "Sintorn et al. 2011, sec. 3.2",
+            in_all_work=True),
     Counter("exact_tests", "test",
             "A sign that float64 left undecided is settled in rational arithmetic.", "shadowbench",
             in_all_work=True),

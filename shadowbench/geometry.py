@@ -7,9 +7,9 @@ sums differ between machines.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,23 +20,77 @@ Vector = tuple[float, float, float]
 FloatArray = NDArray[np.float64]
 
 
+Wrap = Literal["repeat", "clamp", "mirror"]
+"""What lies beyond the edge of a texture."""
+
+
+@dataclass(frozen=True)
+class Texture:
+    """An image on a surface, looked up with bilinear filtering. Textures of the same name and wrapping are equal.
+
+    Attributes
+    ----------
+    name : path of the image, or of the file that it is embedded in.
+    pixels : float32 (rows, columns, 4), linear RGB and opacity in 0..1; row 0 is the top, at v = 1.
+    wrap : beyond the left and right edges, and beyond the lower and upper ones.
+    """
+
+    name: str
+    pixels: NDArray[np.float32] = field(compare=False, repr=False)
+    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+
+
 @dataclass(frozen=True)
 class Material:
     """Surface of a group of triangles.
+
+    A surface covers the share `alpha_texture` of a place, and what it covers lets the share ``1 - alpha`` of the light
+    through. So without a texture `alpha` is the opacity, and with one the opacity is the product of both. Coloured
+    light is dyed by the base colour where it passes through the substance: partial coverage and transmission in the
+    sense of McGuire and Enderton, "Colored Stochastic Shadow Maps", 2011.
 
     Attributes
     ----------
     color : base colour, linear RGB in 0..1.
     alpha : opacity in 0..1; 1 is opaque.
-    alpha_texture : path of an image whose alpha (or luminance) multiplies `alpha`, or None.
-    alpha_cutoff : opacity below which a texel is clear (glTF mode MASK), or None for blending.
+    alpha_texture : image whose opacity multiplies `alpha`, or None.
+    alpha_cutoff : opacity from which a place counts as opaque, and below which as clear (glTF mode MASK), or None for
+        blending.
+    color_texture : image whose colour multiplies `color`, or None.
     """
 
     name: str = "default"
     color: Vector = (1.0, 1.0, 1.0)
     alpha: float = 1.0
-    alpha_texture: str | None = None
+    alpha_texture: Texture | None = None
     alpha_cutoff: float | None = None
+    color_texture: Texture | None = None
+
+    @property
+    def opacity(self) -> float:
+        """Opacity where the texture, if there is one, covers all: `alpha`, or 0 or 1 with a cutoff."""
+        if self.alpha_cutoff is None:
+            return self.alpha
+        return 1.0 if self.alpha >= self.alpha_cutoff else 0.0
+
+    @property
+    def is_opaque(self) -> bool:
+        """True if no light passes anywhere."""
+        return self.alpha_texture is None and self.opacity == 1.0
+
+    def transmittance(self, colored: bool) -> tuple[float, ...]:
+        """Share of the light that passes where the texture covers all: one number, or one each for red, green and blue."""
+        passing = 1.0 - self.opacity
+        if not colored:
+            return (passing,)
+        dyed = self.color if self.alpha_cutoff is None else (1.0, 1.0, 1.0)
+        return tuple(passing * channel for channel in dyed)
+
+    def varies(self, colored: bool) -> bool:
+        """True if a texture must be looked up to know what passes."""
+        if self.alpha_texture is not None:
+            return True
+        return colored and self.color_texture is not None and self.alpha_cutoff is None and self.alpha < 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,11 +241,22 @@ class Camera:
 
 @dataclass(frozen=True)
 class ImageSize:
-    """Pixels of the image and view samples per pixel."""
+    """Pixels of the image, and how they are sampled.
+
+    Attributes
+    ----------
+    width, height : pixels.
+    samples : view samples per pixel.
+    sampling : where the samples of a pixel lie: each on the surface that it sees, or all in the plane of the surface that
+        the pixel's centre sees, where the derivatives of its depth say.
+    layers : transparent surfaces behind each other that are shaded, the nearest first.
+    """
 
     width: int = 1024
     height: int = 1024
     samples: int = 1
+    sampling: Literal["surface", "derivative"] = "surface"
+    layers: int = 1
 
     @property
     def columns(self) -> int:
@@ -245,6 +310,8 @@ class Frame:
     bias : world distance by which a sample must lie behind a triangle's plane to be shadowed by it.
     pixel_footprint : side of a pixel at depth 1, world units; multiply by a sample's depth.
     prepared : what the algorithm's own `prepare` returned for `mesh`.
+    deeper : the frame's further layers of surfaces behind transparent ones, with samples of their own.
+    supersampled : where `samples` are spread by derivatives, the samples on the surfaces that they would see; else None.
     """
 
     mesh: Mesh
@@ -254,6 +321,13 @@ class Frame:
     samples: ViewSamples
     bias: float
     prepared: Any = None
+    deeper: tuple[Frame, ...] = ()
+    supersampled: ViewSamples | None = None
+
+    @property
+    def layers(self) -> tuple[Frame, ...]:
+        """This frame and its deeper layers."""
+        return (self, *self.deeper)
 
     @property
     def pixel_footprint(self) -> float:

@@ -6,6 +6,7 @@ to an integer channel; the functions here raise OSError, take NumPy arrays, and 
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -60,12 +61,22 @@ def write_exr(path: Path, channels: dict[str, NDArray]) -> None:
     _write(path, spec, pixels)
 
 
-def write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
-    """Write sRGB pixels, uint8 (rows, columns, 3). Raises OSError if the file can't be written."""
+def write_png(path: Path, pixels: NDArray[np.uint8], compression: int = 1) -> None:
+    """Write sRGB pixels, uint8 (rows, columns, 1 to 4). Raises OSError if the file can't be written.
+
+    Where there is a fourth channel, it is 0 or 255, and the others are 0 where it is 0.
+    """
     rows, columns, channels = pixels.shape
     spec = oiio.ImageSpec(columns, rows, channels, "uint8")
-    spec.attribute("png:compressionLevel", 1)
+    spec.attribute("png:compressionLevel", compression)
     _write(path, spec, np.ascontiguousarray(pixels))
+
+
+def encode_png(pixels: NDArray[np.uint8]) -> bytes:
+    """Return the bytes of a PNG file of `pixels` (see `write_png`), as small as they get in reasonable time."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_png(Path(folder) / "image.png", pixels, compression=7)
+        return (Path(folder) / "image.png").read_bytes()
 
 
 def _write(path: Path, spec: oiio.ImageSpec, pixels: NDArray) -> None:
@@ -126,3 +137,25 @@ def draw_text(pixels: NDArray[np.uint8], x: int, y: int, text: str, size: int,
     buffer = oiio.ImageBuf(np.ascontiguousarray(pixels))
     oiio.ImageBufAlgo.render_text(buffer, x, y, text, size, "", color)
     return np.asarray(buffer.get_pixels(oiio.UINT8), np.uint8)
+
+
+def read_texture(path: Path) -> tuple[NDArray[np.float32], bool]:
+    """Read an image as it is stored, colours not multiplied by opacity.
+
+    Returns
+    -------
+    float32 (rows, columns, channels) with integers scaled to 0..1, and whether the file holds floats.
+
+    Raises OSError if the file can't be read.
+    """
+    hints = oiio.ImageSpec()
+    hints.attribute("oiio:UnassociatedAlpha", 1)
+    image = oiio.ImageInput.open(str(path), hints)
+    if image is None:
+        raise OSError(f"cannot read {path}: {oiio.geterror()}")
+    is_float = str(image.spec().format) in ("half", "float", "double")
+    pixels = image.read_image("float")
+    if pixels is None:
+        raise OSError(f"cannot read {path}: {image.geterror()}")
+    image.close()
+    return np.asarray(pixels, np.float32), is_float

@@ -10,6 +10,13 @@ Three rules keep every count the same on every machine, for every thread count:
   literal ``None``, and guards each count with ``if counts is not None``. Numba compiles the two types apart and
   removes the guarded code from the ``None`` build, so timed code carries no counting.
 
+**Reference counts.** Numba counts a reference, with an atomic instruction, whenever a function takes an array or a record
+of arrays as its argument, reads an array out of a record, or slices one. All threads count on the same few words, which
+then travel between the processors' caches: two threads could be slower than one. Only a kernel that allocates arrays
+needs the counts, so the two decorators keep those apart: `kernel` compiles without, and arrays that reach an
+`allocating_kernel` through it belong, as far as Numba can tell, to nobody, which leaves nothing to count. The caller
+holds them until the kernel returns. A `kernel` that allocates fails to compile ("Only accept returning of array passed").
+
 A kernel's cache lives in a folder named by a digest of all sources that its module depends on and of the versions of
 Numba, llvmlite and NumPy, because Numba itself notices only a change in the file of the kernel, not in the helpers
 that it calls.
@@ -17,6 +24,7 @@ that it calls.
 
 import ast
 import atexit
+import copy
 import functools
 import hashlib
 import inspect
@@ -26,7 +34,6 @@ import tempfile
 import textwrap
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any, Self
 
@@ -37,9 +44,10 @@ from numba import prange
 from numba.core.event import Event, Listener, register, unregister
 from platformdirs import user_cache_path
 
+from shadowbench import threads
 from shadowbench.source_digest import source_digest
 
-__all__ = ["CompileWatch", "cache_folder", "kernel", "n_threads", "parallel_kernel", "prange",
+__all__ = ["CompileWatch", "allocating_kernel", "cache_folder", "kernel", "n_threads", "parallel_kernel", "prange",
            "set_threads"]
 
 
@@ -66,17 +74,42 @@ _OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": F
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Decorator of a serial kernel."""
+    """Decorator of a serial kernel that allocates no arrays, and calls nothing that returns one it has allocated."""
+    return _compiled(function, counts_references=False)
+
+
+def allocating_kernel(function: Callable[..., Any]) -> Any:
+    """Decorator of a serial kernel that allocates arrays."""
+    return _compiled(function, counts_references=True)
+
+
+def _compiled(function: Callable[..., Any], counts_references: bool) -> Any:
     folder = cache_folder() / source_digest(Path(function.__code__.co_filename))
     setattr(numba.config, "CACHE_DIR", str(folder))     # noqa: B010  numba.config has no type stubs
-    return numba.njit(**_OPTIONS)(function)
+    options = {**_OPTIONS, "_nrt": counts_references}
+    return numba.njit(**options)(function)
+
+
+_PRELUDE = ast.parse("""\
+_store_now(_announced, _GENERATION, _generation)
+_piece = _fetch_add(_numbers, _NEXT, 1)
+while _piece < _n_pieces:
+    _run_piece()
+    _fetch_add(_numbers, _DONE, 1)
+    _piece = _fetch_add(_numbers, _NEXT, 1)
+""").body
+_PIECE = ast.parse("range(_piece * _n_workers // _n_pieces, (_piece + 1) * _n_workers // _n_pieces)", mode="eval").body
+_SHARED = "_numbers", "_announced", "_generation", "_n_workers", "_n_pieces"
+_NAMES = {"_store_now": threads.store_now, "_fetch_add": threads.fetch_add, "_GENERATION": threads.GENERATION,
+          "_NEXT": threads.NEXT, "_DONE": threads.DONE}
 
 
 class parallel_kernel:
     """Decorator of a parallel kernel: one ``prange`` over workers whose body only calls serial kernels.
 
-    The function is compiled once, as a serial kernel over a range of workers that holds no lock, and Python threads
-    share out the range. So it takes no longer to compile than a serial kernel, and any number of threads will do.
+    The function is compiled once, as a serial kernel that holds no lock and takes pieces, runs of workers, until none is
+    left (see `shadowbench.threads`). Python threads run it side by side. So it takes no longer to compile than a serial
+    kernel, and any number of threads will do.
 
     Raises
     ------
@@ -98,13 +131,17 @@ class parallel_kernel:
             raise TypeError(f"{function.__name__}: a parallel kernel is one prange whose body calls serial kernels")
         # The number of workers, as a function of the arguments.
         count = ast.Expression(ast.Lambda(definition.args, loop.iter.args[0]))
-        # The serial kernel: two more arguments, the first worker and the one after the last.
-        definition.args = ast.arguments([], [ast.arg("first_worker"), ast.arg("end_worker"), *definition.args.args], None,
-                                        [], [], None, [])
+        # The serial kernel: the loop over workers becomes one over the workers of a piece, within a loop over pieces.
+        shared = [ast.arg(name) for name in _SHARED]
+        definition.args = ast.arguments([], [*shared, *definition.args.args], None, [], [], None, [])
         definition.decorator_list = []
-        loop.iter = ast.Call(ast.Name("range", ast.Load()), [ast.Name("first_worker", ast.Load()),
-                                                             ast.Name("end_worker", ast.Load())], [])
+        loop.iter = _PIECE
+        definition.body[-1:] = copy.deepcopy(_PRELUDE)
+        pieces = definition.body[-1]
+        assert isinstance(pieces, ast.While)
+        pieces.body[0] = loop
         file, names = function.__code__.co_filename, function.__globals__
+        names.update(_NAMES)
         made: dict[str, Any] = {}
         exec(compile(ast.fix_missing_locations(tree), file, "exec"), names, made)
         self._n_workers = eval(compile(ast.fix_missing_locations(count), file, "eval"), names)
@@ -115,23 +152,10 @@ class parallel_kernel:
     def __call__(self, *arguments: Any) -> None:
         """Run all workers."""
         n_workers, n_threads = self._n_workers(*arguments), _threads[0]
-        n_pieces = min(n_workers, PIECES_PER_THREAD * n_threads)
-        if n_threads == 1 or n_pieces < 2:
-            self.serial(0, n_workers, *arguments)
-            return
-        pieces = iter(range(n_pieces))      # advancing it is one step for the interpreter: no piece is taken twice
-
-        def work() -> None:
-            for piece in pieces:
-                self.serial(piece * n_workers // n_pieces, (piece + 1) * n_workers // n_pieces, *arguments)
-
-        others = [_pool(n_threads).submit(work) for _ in range(n_threads - 1)]
-        try:
-            work()
-        finally:
-            wait(others)
-        for other in others:
-            other.result()
+        if n_threads == 1:
+            threads.run_alone(self.serial, n_workers, arguments)
+        else:
+            _team(n_threads).run(self.serial, n_workers, min(n_workers, PIECES_PER_THREAD * n_threads), arguments)
 
 
 def _has_docstring(definition: ast.FunctionDef) -> bool:
@@ -144,11 +168,15 @@ PIECES_PER_THREAD = 8
 THREADING_LAYER = "Python threads over kernels that hold no lock"
 
 _threads = [len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1]
+_spin = kernel(threads.spin)
 
 
 @functools.cache
-def _pool(n_threads: int) -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(n_threads - 1, thread_name_prefix="shadowbench")
+def _team(n_threads: int) -> threads.Team:
+    return threads.Team(n_threads, _spin)
+
+
+os.register_at_fork(after_in_child=_team.cache_clear)       # a forked process has none of the threads
 
 
 def n_threads() -> int:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,16 +78,19 @@ class Probe:
         """Add a count per tree level, from the root down; the sum goes to the total of that name."""
         self.count(name, np.asarray(per_level).sum())
         if self.counting:
-            self.levels[name] = [int(v) for v in per_level]
+            before, added = self.levels.get(name, []), [int(v) for v in per_level]
+            self.levels[name] = [a + b for a, b in zip_longest(before, added, fillvalue=0)]
 
     def count_triangles(self, name: str, per_triangle: NDArray[np.integer]) -> None:
         """Attribute a count to the triangles that caused it (the total is counted apart)."""
         if self.counting:
-            self.triangle_counts[name] = np.asarray(per_triangle, np.int64)
+            before = self.triangle_counts.get(name)
+            self.triangle_counts[name] = np.asarray(per_triangle, np.int64) + (0 if before is None else before)
 
     def list_largest(self, name: str, values: NDArray[np.integer]) -> None:
         """Keep the largest of the values that a count is the sum of, such as those of single jobs."""
         if self.counting:
+            values = np.concatenate([values, self.largest.get(name, [])])
             self.largest[name] = [int(v) for v in np.sort(values)[::-1][:N_LARGEST]]
 
     def count_samples(self, tests: NDArray[np.integer]) -> None:
@@ -96,8 +100,8 @@ class Probe:
             self.heat = added if self.heat is None else self.heat + added
 
     def memory(self, name: str, n_bytes: int) -> None:
-        """Record the size of a structure that lives during the frame."""
-        self.memory_bytes[name] = int(n_bytes)
+        """Record the size of a structure that lives during the frame; of several in turn, the largest."""
+        self.memory_bytes[name] = max(int(n_bytes), self.memory_bytes.get(name, 0))
 
     def all_counts(self) -> dict[str, int]:
         """Counts with both totals, sorted by name."""

@@ -21,6 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from shadowbench.algorithms import PEERS
 from shadowbench.errors import InputError
+from shadowbench.triangle_work import TriangleWork
 
 SCHEMA = 1
 """Version of every format in the run folder; grows when a field changes its meaning."""
@@ -48,6 +49,11 @@ class AccuracyRecord(BaseModel):
     edge_tie: int
     caster_difference: int | None = Field(
         None, description="samples whose answer changes because only some triangles cast; None if all do")
+    transparency_difference: int | None = Field(
+        None, description="samples whose answer changes because casters that let light through are taken as opaque; None "
+        "if there are none, or they are taken as what they are")
+    antialiasing_difference: int | None = Field(
+        None, description="pixels whose shadow by derivative antialiasing is not that of supersampling; None without it")
 
 
 class CellResult(BaseModel):
@@ -67,6 +73,8 @@ class CellResult(BaseModel):
     levels: dict[str, list[int]] = Field(default_factory=dict, description="counts per tree level, from the root")
     largest: dict[str, list[int]] = Field(
         default_factory=dict, description="largest single values of a count, such as those of jobs, from the largest down")
+    triangles: dict[str, TriangleWork] = Field(
+        default_factory=dict, description="counts by the triangle that caused them, as classes and the heaviest")
     stages: dict[str, list[float]] = Field(default_factory=dict, description="seconds per stage and repeat")
     total_seconds: list[float] = Field(default_factory=list, description="seconds per repeat, preparation left out")
     jit_seconds: float = Field(0.0, description="seconds spent compiling, outside every timing")

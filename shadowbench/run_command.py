@@ -20,6 +20,7 @@ from shadowbench.config import resolved_yaml
 from shadowbench.errors import InputError
 from shadowbench.plugins import plugin_files, plugin_names
 from shadowbench.progress import Progress
+from shadowbench.report.html import write_report
 from shadowbench.report.table import format_table, summary
 from shadowbench.results import (
     RunFolder,
@@ -31,7 +32,7 @@ from shadowbench.results import (
 )
 from shadowbench.resume import Decision, decide, earlier_folders, estimate
 from shadowbench.run_lock import RunLock
-from shadowbench.runner import Runner
+from shadowbench.runner import Runner, RunSummary
 from shadowbench.scene_sweep import scene_variants
 from shadowbench.scenes.loader import Scene, load_scene
 
@@ -111,7 +112,7 @@ def _folders(out: Path | None, names: list[str], resume: bool) -> list[Path]:
     return folders
 
 
-def _selections(scene: Scene, chosen: Sequence[tuple[str, dict[str, Any]]]) -> list[tuple[str, AlgorithmParams]]:
+def selections(scene: Scene, chosen: Sequence[tuple[str, dict[str, Any]]]) -> list[tuple[str, AlgorithmParams]]:
     """Decide which algorithms run: those asked for, or all, each swept over its axes of the scene's matrix."""
     wanted = chosen or scene.config.selections() or [(name, {}) for name in _everything()]
     return [(name, validate_params(name, params)) for name, params in plan.sweep(wanted, scene.config.matrix)]
@@ -135,7 +136,7 @@ def _run_scene(scene: Scene, load_seconds: float, folder: Path, request: Request
     options = replace(request.options, frames=tuple(numbers[:1] if request.quick else numbers))
     if not options.frames:
         raise InputError(f"{scene.name} has {scene.n_frames} frame(s): --frames selects none of them")
-    cells = plan.plan_cells(scene, _selections(scene, request.selections), options.frames)
+    cells = plan.plan_cells(scene, selections(scene, request.selections), options.frames)
     if request.dry_run:
         click.echo(_list_cells(scene, decide(cells, folder, scene.name, options), folder))
         return EXIT_OK
@@ -155,26 +156,39 @@ def _run_scene(scene: Scene, load_seconds: float, folder: Path, request: Request
 def _run_cells(scene: Scene, load_seconds: float, decisions: list[Decision], options: plan.RunOptions, path: Path,
                request: Request, notes: list[str]) -> int:
     """Run the cells that are not kept; print their table and where everything is."""
-    kept = [decision.kept for decision in decisions if decision.kept]
-    cells = [decision.cell for decision in decisions if not decision.kept]
-    description = plan.describe(scene, options, list(request.argv))
+    n_cells = sum(not decision.kept for decision in decisions)
     try:
-        make_folder(path)
-        folder = RunFolder(path, description, len(decisions), kept)
-        folder.write_text("config.input.yaml", scene.text)
-        folder.write_text("config.resolved.yaml", resolved_yaml(scene.config))
-        with Progress(len(cells)) as progress:
-            for note in notes:
+        with Progress(n_cells) as progress:
+            for note in (*notes, f"{scene.name}: {n_cells} cells, {options.threads} thread(s)"):
                 progress.note(note)
-            progress.note(f"{scene.name}: {len(cells)} cells, {options.threads} thread(s)")
-            runner = Runner(scene, load_seconds, cells, options, folder, progress)
-            result = runner.run([decision.cell.key for decision in decisions], plugin_files())
+            result = measure_cells(scene, load_seconds, decisions, options, path, list(request.argv), progress)
     except RunFolderError as error:
         click.echo(f"error: {error}", err=True)
         return EXIT_SOME_FAILED
     click.echo(summary(result.cells))
     click.echo(f"\n{'interrupted; kept' if result.interrupted else 'results'}: {path}")
     return result.exit_code
+
+
+def measure_cells(scene: Scene, load_seconds: float, decisions: list[Decision], options: plan.RunOptions, path: Path,
+                  argv: list[str], progress: Progress) -> RunSummary:
+    """Run the cells that are not kept, and write everything that belongs into the run folder.
+
+    Raises
+    ------
+    RunFolderError
+        If the folder can't be written to any more.
+    """
+    kept = [decision.kept for decision in decisions if decision.kept]
+    cells = [decision.cell for decision in decisions if not decision.kept]
+    make_folder(path)
+    folder = RunFolder(path, plan.describe(scene, options, argv), len(decisions), kept)
+    folder.write_text("config.input.yaml", scene.text)
+    folder.write_text("config.resolved.yaml", resolved_yaml(scene.config))
+    runner = Runner(scene, load_seconds, cells, options, folder, progress)
+    result = runner.run([decision.cell.key for decision in decisions], plugin_files())
+    write_report(folder)
+    return result
 
 
 def _list_cells(scene: Scene, decisions: list[Decision], folder: Path) -> str:

@@ -11,7 +11,7 @@ import itertools
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,26 +20,19 @@ from numpy.typing import NDArray
 
 from shadowbench import accuracy, jit
 from shadowbench.algorithms import PEERS
-from shadowbench.algorithms.base import Algorithm, ShadowBuffer
-from shadowbench.algorithms.reference import reference_frame
+from shadowbench.algorithms.base import Algorithm, ShadowBuffer, Transparency
+from shadowbench.algorithms.reference import lets_light_through
 from shadowbench.geometry import Frame
+from shadowbench.judge import LIGHT_TOLERANCE, Judge, Truth, antialiasing_difference, classify
 from shadowbench.plan import Cell, RunOptions
 from shadowbench.probe import Probe
 from shadowbench.progress import Progress
 from shadowbench.report import pictures
-from shadowbench.report.html import write_report
 from shadowbench.report.remarks import remarks
 from shadowbench.results import AccuracyRecord, CellFolder, CellResult, RunFolder, RunFolderError, RunStatus
 from shadowbench.scenes.loader import Scene
-from shadowbench.view_samples import render_view_samples
-
-
-@dataclass
-class Truth:
-    """The reference's answer for one frame and one set of casters."""
-
-    shadow: NDArray[np.float32]
-    ambiguous: NDArray[np.bool_]
+from shadowbench.triangle_work import triangle_work
+from shadowbench.view_samples import render_frame
 
 
 @dataclass
@@ -126,26 +119,24 @@ class Measurer:
         self.progress.step(f"frame {index}: view samples")
         with self._clock("view_samples"):
             mesh, camera, light = self.scene.mesh(index), self.scene.camera(index), self.scene.light(index)
-            samples = render_view_samples(mesh, camera, light, self.scene.image)
-        image = self.scene.image
-        frame = Frame(mesh, light, camera.basis(image.width / image.height), image, samples, self.scene.bias)
-        n_candidates = int(np.count_nonzero(samples.candidate))
+            frame = render_frame(mesh, camera, light, self.scene.image, self.scene.bias, "images" in self.options.only)
+        n_candidates = int(np.count_nonzero(frame.samples.candidate))
         if n_candidates == 0:
             self._warn(f"frame {index}: no sample faces the light, so no method has anything to do; "
                        "check the light's position or direction, and what the camera sees")
         if "images" in self.options.only:
             with self._clock("images"):
                 pictures.write_gbuffer(self.folder.image_folder(index), frame)
-        truths: dict[bytes, Truth] = {}
+        judge = Judge(frame)
         for cell in cells:
             self.progress.step(f"frame {index}: {cell.label}")
-            result = self._run_cell(cell, frame, truths)
+            result = self._run_cell(cell, frame, judge)
             self.folder.append(result)
             self.progress.finished(f"frame {index} {cell.label}: {outcome(result)}")
             if result.status == "failed" and not self.options.keep_going:
                 raise StopRun
 
-    def _run_cell(self, cell: Cell, frame: Frame, truths: dict[bytes, Truth]) -> CellResult:
+    def _run_cell(self, cell: Cell, frame: Frame, judge: Judge) -> CellResult:
         """Run one cell; whatever goes wrong inside it becomes its reason."""
         start = time.perf_counter()
         result = empty_result(cell, self.scene)
@@ -153,7 +144,7 @@ class Measurer:
             reason = cell.algorithm.unsupported(self.scene)
             if reason is not None:
                 return result.model_copy(update={"status": "unsupported", "reason": reason})
-            self._measure(cell, frame, truths, result)
+            self._measure(cell, frame, judge, result)
         except RunFolderError:
             raise
         except Exception as error:
@@ -161,7 +152,7 @@ class Measurer:
         result.wall_seconds = round(time.perf_counter() - start - result.jit_seconds, 6)
         return result
 
-    def _measure(self, cell: Cell, frame: Frame, truths: dict[bytes, Truth], result: CellResult) -> None:
+    def _measure(self, cell: Cell, frame: Frame, judge: Judge, result: CellResult) -> None:
         """Fill in counts, accuracy, timings and pictures."""
         algorithm = cell.algorithm
         compiled_before = self.seconds["compilation"]
@@ -169,43 +160,59 @@ class Measurer:
             frame = self._prepare(cell, frame)
         with self._clock("cells", cell.label):
             probe = Probe(counting=True)
-            buffer = algorithm.shadows(frame, probe)
-        _check_buffer(buffer, frame)
+            buffers = [algorithm.shadows(layer, probe) for layer in frame.layers]
+        for buffer, layer in zip(buffers, frame.layers, strict=True):
+            _check_buffer(buffer, layer)
         result.counts, result.levels, result.largest = probe.all_counts(), probe.levels, probe.largest
-        errors = self._verify(cell, frame, buffer, truths, result) if self.options.verify else None
-        if "counts" not in self.options.only:
+        errors = self._verify(cell, frame, buffers, judge, result) if self.options.verify else None
+        if "counts" in self.options.only:
+            result.triangles = {name: triangle_work(values) for name, values in probe.triangle_counts.items()}
+        else:
             result.counts, result.levels, result.largest = {}, {}, {}
         if "timings" in self.options.only:
             with self._clock("cells", cell.label):
-                self._repeat(algorithm, frame, buffer, result)
+                self._repeat(algorithm, frame, buffers, result)
         result.memory_bytes = probe.memory_bytes
         result.jit_seconds = round(self.seconds["compilation"] - compiled_before, 6)
         if errors is not None and "images" in self.options.only:
             with self._clock("images"):
                 folder = self.folder.image_folder(cell.frame, cell.label)
-                files = pictures.write_shadow_pictures(folder, frame, buffer, errors, probe.heat, cell.label)
+                files = pictures.write_shadow_pictures(folder, frame, buffers, errors, probe.heat, cell.label)
                 result.files = {name: path.relative_to(self.folder.path).as_posix() for name, path in files.items()}
 
-    def _verify(self, cell: Cell, frame: Frame, buffer: ShadowBuffer, truths: dict[bytes, Truth], result: CellResult
+    def _verify(self, cell: Cell, frame: Frame, buffers: list[ShadowBuffer], judge: Judge, result: CellResult
                 ) -> NDArray[np.uint32]:
-        """Compare with the reference over the same casters; fills in the accuracy, returns each sample's `ErrorClass`."""
-        casters = cell.algorithm.casters(frame)
-        truth = self._truth(frame, casters, truths)
-        errors = accuracy.classify(buffer.shadow, truth.shadow, truth.ambiguous, frame.samples.candidate)
-        measured = accuracy.measure(buffer.shadow, errors, truth.ambiguous, frame.samples.candidate)
-        result.accuracy = AccuracyRecord(**asdict(measured))
+        """Compare with the reference over the same casters; fills in the accuracy of all layers.
+
+        Returns the `ErrorClass` of each sample of the first layer.
+        """
+        casters, mode = cell.algorithm.casters(frame), cell.algorithm.judged_as(frame)
+        truths = self._truths(judge, casters, mode)
+        layers = list(zip(buffers, truths, frame.layers, strict=True))
+        errors = [classify(cell.algorithm, *layer) for layer in layers]
+        measured = [accuracy.measure(buffer.shadow, found, truth.ambiguous, layer.samples.candidate)
+                    for found, (buffer, truth, layer) in zip(errors, layers, strict=True)]
+        names = asdict(measured[0])
+        result.accuracy = AccuracyRecord(**{name: sum(getattr(one, name) for one in measured) for name in names})
         if casters is not None:
-            everything = self._truth(frame, None, truths)
-            result.accuracy.caster_difference = int(np.count_nonzero(truth.shadow != everything.shadow))
+            result.accuracy.caster_difference = _differing(truths, self._truths(judge, None, mode))
+        if mode == "off" and lets_light_through(frame, "alpha"):
+            result.accuracy.transparency_difference = _differing(truths, self._truths(judge, casters, "alpha"))
+        if frame.supersampled is not None:
+            difference = antialiasing_difference(frame, truths[0], judge.supersampled(casters, mode))
+            result.accuracy.antialiasing_difference = int(np.count_nonzero(difference))
+            buffers[0].images["antialiasing"] = pictures.antialiasing_map(frame, difference)
+        buffer, truth = buffers[0], truths[0]
         if cell.name in PEERS:
             path = self.folder.image_folder(cell.frame, cell.label) / "differences.csv"
             path.write_text(accuracy.list_differences(frame, buffer.shadow, truth.shadow, truth.ambiguous))
         explained = remarks(result)
         for sentence in explained:
             self._warn(f"frame {cell.frame}: {cell.label}: {sentence}")
-        if cell.algorithm.exact and measured.wrong and not explained:
-            self._warn(f"frame {cell.frame}: {cell.label} is meant to be exact but has {measured.wrong} wrong samples")
-        return errors
+        n_wrong = sum(one.wrong for one in measured)
+        if cell.algorithm.exact and n_wrong and not explained:
+            self._warn(f"frame {cell.frame}: {cell.label} is meant to be exact but has {n_wrong} wrong samples")
+        return errors[0]
 
     def _prepare(self, cell: Cell, frame: Frame) -> Frame:
         """Attach what the algorithm prepares from the mesh, made once per mesh."""
@@ -213,37 +220,38 @@ class Measurer:
         if known_mesh is not frame.mesh:
             prepared = cell.algorithm.prepare(frame.mesh)
             self._prepared[cell.label] = (frame.mesh, prepared)
-        return Frame(frame.mesh, frame.light, frame.camera, frame.image, frame.samples, frame.bias, prepared)
+        return replace(frame, prepared=prepared, deeper=tuple(replace(layer, prepared=prepared) for layer in frame.deeper))
 
-    def _repeat(self, algorithm: Algorithm, frame: Frame, expected: ShadowBuffer, result: CellResult) -> None:
+    def _repeat(self, algorithm: Algorithm, frame: Frame, expected: list[ShadowBuffer], result: CellResult) -> None:
         """Time the build without counting, once it is compiled and, if wanted, has run before."""
         if self.options.warm_up:
-            algorithm.shadows(frame, Probe())
+            for layer in frame.layers:
+                algorithm.shadows(layer, Probe())
         while len(result.total_seconds) < self.options.repeats:
             probe = Probe()
             start = time.perf_counter()
             with jit.CompileWatch(lambda: None) as watch:
-                buffer = algorithm.shadows(frame, probe)
+                buffers = [algorithm.shadows(layer, probe) for layer in frame.layers]
             if watch.seconds > 0:
                 continue
             result.total_seconds.append(time.perf_counter() - start)
             for stage, seconds in probe.stages.items():
                 result.stages.setdefault(stage, []).append(seconds)
-            if not np.array_equal(buffer.shadow, expected.shadow):
+            if not all(np.array_equal(a.shadow, b.shadow) for a, b in zip(buffers, expected, strict=True)):
                 raise RuntimeError("two executions on the same input gave different shadows")
 
-    def _truth(self, frame: Frame, casters: NDArray[np.bool_] | None, truths: dict[bytes, Truth]) -> Truth:
-        """Return the reference's answer for a set of casters, computed once per frame."""
-        key = b"all" if casters is None else np.packbits(casters).tobytes()
-        if key not in truths:
-            with self._clock("reference"):
-                truths[key] = Truth(*reference_frame(frame, Probe(), casters))
-            n_ambiguous = int(np.count_nonzero(truths[key].ambiguous))
-            n_candidates = int(np.count_nonzero(frame.samples.candidate))
-            if n_ambiguous > accuracy.AMBIGUOUS_WARNING_SHARE * n_candidates:
-                self._warn(f"{n_ambiguous} of {n_candidates} lit candidates are ambiguous: their answer hangs on the "
-                           "last digits, so mismatches there count as edge ties")
-        return truths[key]
+    def _truths(self, judge: Judge, casters: NDArray[np.bool_] | None, mode: Transparency) -> list[Truth]:
+        """Return the reference's answer for each layer, computed once per frame."""
+        if judge.knows(casters, mode):
+            return judge.truths(casters, mode)
+        with self._clock("reference"):
+            truths = judge.truths(casters, mode)
+        n_ambiguous = sum(int(np.count_nonzero(truth.ambiguous)) for truth in truths)
+        n_candidates = sum(int(np.count_nonzero(layer.samples.candidate)) for layer in judge.frame.layers)
+        if n_ambiguous > accuracy.AMBIGUOUS_WARNING_SHARE * n_candidates:
+            self._warn(f"{n_ambiguous} of {n_candidates} lit candidates are ambiguous: their answer hangs on the "
+                       "last digits, so mismatches there count as edge ties")
+        return truths
 
     def _warn(self, text: str) -> None:
         """Keep a warning for run.json and print it, once."""
@@ -261,7 +269,7 @@ class Runner(Measurer):
         self.run_folder = folder
 
     def run(self, order: Sequence[str], plugin_files: tuple[Path, ...] = ()) -> RunSummary:
-        """Run the cells, and write tables, status and report of all that is finished.
+        """Run the cells, and write tables and status of all that is finished.
 
         Parameters
         ----------
@@ -281,7 +289,6 @@ class Runner(Measurer):
         self.run_folder.write_tables()
         self.run_folder.write_status(status, warnings=self.summary.warnings,
                                      seconds={name: round(value, 6) for name, value in self.seconds.items()})
-        write_report(self.run_folder)
         return self.summary
 
 
@@ -294,6 +301,12 @@ def empty_result(cell: Cell, scene: Scene) -> CellResult:
 def failed_result(cell: Cell, scene: Scene, reason: str) -> CellResult:
     """Make the result of a cell that failed."""
     return empty_result(cell, scene).model_copy(update={"status": "failed", "reason": reason})
+
+
+def _differing(one: list[Truth], other: list[Truth]) -> int:
+    """Number of samples whose answers differ."""
+    return sum(int(np.count_nonzero(np.abs(a.shadow - b.shadow) > LIGHT_TOLERANCE))
+               for a, b in zip(one, other, strict=True))
 
 
 def _check_buffer(buffer: ShadowBuffer, frame: Frame) -> None:

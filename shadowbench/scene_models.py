@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, StrictBool, StrictStr, model_validator
 
@@ -12,6 +12,7 @@ from shadowbench.scene_types import (
     Color,
     FrameIndex,
     Frames,
+    Layers,
     Name,
     Positive,
     Samples,
@@ -57,6 +58,7 @@ class MaterialConfig(Section):
     alpha: Unit | None = Field(None, description="opacity in 0..1; 1 is opaque")
     alpha_texture: StrictStr | None = Field(None, description="image whose alpha multiplies the opacity")
     alpha_cutoff: Unit | None = Field(None, description="opacity below which a texel is clear; blended without it")
+    color_texture: StrictStr | None = Field(None, description="image whose colour multiplies the base colour")
 
 
 class PoseKey(Section):
@@ -207,6 +209,9 @@ class ImageConfig(Section):
     width: Side = 1024
     height: Side = 1024
     samples: Samples = 1
+    sampling: Literal["surface", "derivative"] = Field(
+        "surface", description="samples on the surfaces that they see, or in the plane that the pixel's centre sees")
+    layers: Layers = Field(1, description="transparent surfaces behind each other that are shaded, by depth peeling")
 
 
 class AlgorithmSpec(Section):

@@ -74,6 +74,7 @@ Bias = Annotated[Literal["auto"] | float, BeforeValidator(_bias), WithJsonSchema
 Side = Annotated[int, Field(strict=True, ge=1, le=MAX_IMAGE)]
 Samples = Annotated[int, Field(strict=True), AfterValidator(_power_of_two),
                     WithJsonSchema({"enum": [1, 2, 4, 8, 16]})]
+Layers = Annotated[int, Field(strict=True, ge=1, le=32)]
 Frames = Annotated[int, Field(strict=True, ge=1, le=100_000)]
 FrameIndex = Annotated[int, Field(strict=True, ge=0)]
 TriangleCount = Annotated[int, Field(strict=True, ge=1, le=2**31 - 1)]

@@ -21,11 +21,12 @@ from typing import Any
 from numba.core.event import Event, Listener, register
 
 from shadowbench.geometry import Frame
+from shadowbench.judge import Judge
 from shadowbench.plan import Cell, RunOptions
 from shadowbench.plugins import load_files
 from shadowbench.progress import Progress
 from shadowbench.results import CellResult, RunFolderError, make_folder
-from shadowbench.runner import Measurer, Truth, failed_result, outcome
+from shadowbench.runner import Measurer, failed_result, outcome
 from shadowbench.scenes.loader import Scene
 
 Send = Callable[..., None]
@@ -235,6 +236,6 @@ class _PipedMeasurer(Measurer):
         super().__init__(scene, 0.0, cells, options, _PipedFolder(path, send), _PipedProgress(send))
         self._send = send
 
-    def _run_cell(self, cell: Cell, frame: Frame, truths: dict[bytes, Truth]) -> CellResult:
+    def _run_cell(self, cell: Cell, frame: Frame, judge: Judge) -> CellResult:
         self._send("start", f"frame {cell.frame}: {cell.label}")
-        return super()._run_cell(cell, frame, truths)
+        return super()._run_cell(cell, frame, judge)

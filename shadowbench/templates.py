@@ -1,8 +1,10 @@
-"""The scene file that ``shadowbench init`` writes: it runs as it stands, and its comments show the rest."""
+"""The scene files that ``shadowbench init`` writes: they run as they stand, and comments show the rest."""
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Iterable, Sequence
 
 from shadowbench.scenes import SCENES
 
@@ -51,6 +53,54 @@ def template(name: str = DEFAULT_SCENE) -> str:
     entry = SCENES.get(name, SCENES[DEFAULT_SCENE])
     return _TEMPLATE.format(name=usable_name(name), scene=entry.name, summary=entry.summary,
                             triangles=entry.triangles)
+
+
+_MESH_TEMPLATE = """\
+# A mesh of yours, seen and lit from outside: move camera and light to taste, then
+#
+#   shadowbench run FILE
+#
+# Coordinates go from {low} to {high}. Paths are relative to this file.
+
+name: {name}
+
+geometry:                       # an entry may also have scale:, rotate:, translate: and material:
+  - mesh: {mesh}
+
+camera: {{eye: {eye}, target: {target}, up: [0, 1, 0], fov_y: 50, near: {near}, far: {far}}}
+light: {{position: {light}}}   # or {{direction: [-1, -3, -1]}}, the way the light travels
+
+image: {{width: 1024, height: 1024, samples: 1}}
+
+# Left out, all algorithms that support the scene run, with their defaults.
+algorithms: [reference, shadow_map, ptsv, cluster, ray_traced]
+"""
+
+EYE, LIGHT = (0.7, 0.45, 0.9), (-0.35, 1.6, 0.8)
+"""Where camera and light stand, from the middle of the mesh, in lengths of its bounding box's diagonal."""
+
+
+def mesh_template(name: str, mesh: str, low: Sequence[float], high: Sequence[float]) -> str:
+    """Write a scene file for a mesh, with a camera that sees all of it and a light above.
+
+    Parameters
+    ----------
+    name : name of the scene.
+    mesh : path of the mesh file as the scene file names it.
+    low, high : the mesh's bounding box.
+    """
+    center = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
+    diagonal = sum((b - a) ** 2 for a, b in zip(low, high, strict=True)) ** 0.5 or 1.0
+
+    def vector(values: Iterable[float]) -> str:
+        return "[" + ", ".join(f"{value:.4g}" for value in values) + "]"
+
+    def place(offset: Sequence[float]) -> str:
+        return vector(c + diagonal * share for c, share in zip(center, offset, strict=True))
+
+    return _MESH_TEMPLATE.format(name=usable_name(name), mesh=json.dumps(mesh), low=vector(low), high=vector(high),
+                                 eye=place(EYE), target=vector(center), light=place(LIGHT),
+                                 near=f"{diagonal / 1000:.4g}", far=f"{diagonal * 10:.4g}")
 
 
 def usable_name(text: str) -> str:

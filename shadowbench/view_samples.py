@@ -9,15 +9,19 @@ n . ray and of the position itself: each a few units in the last place of the la
 or sample). `PLANE_ERROR` states the bound that tests hold it to, eight decimal digits below the shadow bias.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.geometry import Camera, FloatArray, ImageSize, Light, Mesh, ViewSamples
+from shadowbench.geometry import Camera, FloatArray, Frame, ImageSize, Light, Mesh, ViewSamples
 from shadowbench.jit import kernel, parallel_kernel, prange
 from shadowbench.kernels.projection import N_WORKERS, View, chunk, screen_axis
-from shadowbench.kernels.rasterizer import Target, empty_target, rasterize
+from shadowbench.kernels.rasterizer import Target
+from shadowbench.peeling import seen_surfaces
+from shadowbench.spreading import spread_samples
+from shadowbench.surfaces import surface_opacity
 
 PLANE_ERROR = 1e-13
 """Largest distance of a sample from its triangle's plane, relative to the largest coordinate in play (450 ulp)."""
@@ -97,13 +101,51 @@ def render_view_samples(mesh: Mesh, camera: Camera, light: Light, image: ImageSi
     light : only decides which samples are lit candidates.
     image : size in pixels and samples per pixel (1, 2, 4, 8 or 16).
     """
-    view = camera_view(camera, image)
-    target = empty_target(view)
-    rasterize(view, mesh.vertices, mesh.triangles, target)
-    rows, columns = target.depth.shape
-    visible = _surface(mesh, view, target, light.xyzw())
-    return ViewSamples(rows, columns, visible.position, visible.normal, visible.depth, visible.triangle,
-                       visible.candidate, visible.plane_x, visible.plane_y)
+    return render_layers(mesh, camera, light, image, 1)[0]
+
+
+def render_frame(mesh: Mesh, camera: Camera, light: Light, image: ImageSize, bias: float, compared: bool = False) -> Frame:
+    """Render all that a shadow algorithm may look at, with its deeper layers.
+
+    Parameters
+    ----------
+    compared : True to render the samples on the surfaces that they see too, where the image's are spread by derivatives.
+    """
+    basis = camera.basis(image.width / image.height)
+    first, *others = render_layers(mesh, camera, light, image, image.layers)
+    deeper = tuple(Frame(mesh, light, basis, image, samples, bias) for samples in others)
+    seen = None
+    if compared and image.sampling == "derivative":
+        seen = render_view_samples(mesh, camera, light, replace(image, sampling="surface"))
+    return Frame(mesh, light, basis, image, first, bias, deeper=deeper, supersampled=seen)
+
+
+def render_layers(mesh: Mesh, camera: Camera, light: Light, image: ImageSize, n_layers: int) -> list[ViewSamples]:
+    """Find the nearest surfaces of every sample of an image, layer by layer (depth peeling, Everitt 2001).
+
+    Each layer shows, behind the surface of the layer before, the next one; where that surface is opaque, or there is none,
+    it is background. Places that a texture covers by less than half are not seen, in any layer (`peeling.SEEN_FROM`). There
+    are at most `n_layers`, and fewer if nothing is left to show, but always one.
+
+    Parameters as in `render_view_samples`.
+    """
+    pixels = replace(image, samples=1) if image.sampling == "derivative" else image
+    view = camera_view(camera, pixels)
+    layers: list[ViewSamples] = []
+    behind: Target | None = None
+    while len(layers) < n_layers:
+        target = seen_surfaces(mesh, view, behind)
+        rows, columns = target.depth.shape
+        shown = _surface(mesh, view, target, light.xyzw())
+        samples = ViewSamples(rows, columns, shown.position, shown.normal, shown.depth, shown.triangle, shown.candidate,
+                              shown.plane_x, shown.plane_y)
+        if layers and not (samples.triangle >= 0).any():
+            break
+        layers.append(samples if pixels is image else spread_samples(samples, camera_view(camera, image), image))
+        if len(layers) < n_layers:
+            opaque = surface_opacity(mesh, samples.triangle, samples.position) >= 1.0
+            behind = Target(np.where(opaque.reshape(target.depth.shape), np.inf, target.depth), target.triangle)
+    return layers
 
 
 def resolve_to_pixels(values: NDArray, image: ImageSize) -> NDArray:

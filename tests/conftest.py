@@ -7,6 +7,9 @@ import pytest
 
 from shadowbench import jit
 
+if "PYTEST_XDIST_WORKER" in os.environ:
+    jit.set_threads(1)      # the processes share the processors; no result depends on the number of threads
+
 
 @pytest.fixture(scope="session")
 def models() -> Path:

@@ -116,6 +116,17 @@ class Ray:
         value = a * x + (b * y + d) + c * r
         return bool((value[:3] <= 0).all() and value[3] < 0)
 
+    def crossing(self, t):
+        """Share of the way at which the ray meets a triangle's plane, from the cap plane's row."""
+        if t in self.rays.loose:
+            return np.inf
+        a, b, d, c = self.rays.rows[t].reshape(4, 4)[:, 3]
+        x, y, r = self.rays.plane_x[self.i], self.rays.plane_y[self.i], 1.0 / self.rays.depth[self.i]
+        start, w = self.rays.start_view[:3], self.rays.start_view[3]
+        way = start - w * np.array([x, y, 1.0]) * (1.0 / r)
+        above = np.sqrt(a * a + b * b + d * d) * self.rays.bias - (a * x + (b * y + d) + c * r) * (1.0 / r)
+        return 1.0 - above / (a * way[0] + b * way[1] + d * way[2])
+
     def run(self, kind):
         """Walk the tree, then test the loose triangles."""
         if self.begin <= self.end:
@@ -141,6 +152,7 @@ class Ray:
         kept = []                       # levels of those that the short stack still holds
         root, alone = 0, True           # level to restart from; True while nothing waits on the way down from it
         level, node, begin, end = 0, 0, self.begin, self.end
+        deferred = False                # True once a triangle shadows the sample that is met beyond its leaf
         while True:
             while int(self.tree.nodes[2 * node + 1]) & 3 != LEAF:
                 met = self.step(node, begin, end)
@@ -152,13 +164,14 @@ class Ray:
                     alone = False
                 root = level if alone else root
             self.leaves += 1
-            self.last_leaf_end = end
             first = int(self.tree.nodes[2 * node])
             for t in self.tree.references[first:first + (int(self.tree.nodes[2 * node + 1]) >> 2)]:
                 if self.test(t):
-                    return True
+                    if self.crossing(t) <= end:
+                        return True
+                    deferred = True
             if not waiting:
-                return False
+                return deferred
             level, node, begin, end = waiting.pop()
             if kind == "restart":
                 self.nodes += level

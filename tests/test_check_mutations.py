@@ -16,7 +16,8 @@ pytestmark = pytest.mark.slow
 PACKAGE = Path(shadowbench.__file__).parent
 SUITE = """\
 name: mutants
-algorithms: [reference, shadow_map, z_fail, z_pass, ptsv, cluster: {group: 8, culling_planes: outline}]
+algorithms: [reference, shadow_map, silhouette_map, hybrid, z_fail, z_pass, ptsv, ray_traced, conservative_map,
+             cluster: {group: 8, culling_planes: outline}]
 scenes:
   - scene: cubes
     set: {image.width: 96, image.height: 96, geometry.0.triangles: 1200}
@@ -30,7 +31,12 @@ MUTATIONS = {
     "cluster": ("kernels/frustum_groups.py", "ALONE_SIZE = 8.0", "ALONE_SIZE = 0.5", r"cluster\S* +group_tests"),
     "shadow_map": ("kernels/light_maps.py", "_MARGIN = 1.0 + 2.0**-20", "_MARGIN = 1.0 + 2.0**-2",
                    "sunlit_boxes frame 0 shadow_map +map_fragments"),
-    "stencil": ("kernels/stencil_volumes.py", "NEAREST_BEHIND = 0.5", "NEAREST_BEHIND = 64.0", "z_fail +"),
+    "z_pass": ("kernels/stencil_volumes.py", "NEAREST_BEFORE = 2.0**-20", "NEAREST_BEFORE = 2.0**6", "z_pass +fragments"),
+    "stencil": ("kernels/volume_polygons.py", "GUARD = 8.0", "GUARD = 0.5", "z_fail +fragments"),
+    "kd_tree": ("kernels/kdtree_sweep.py", "EMPTY_BONUS = 0.8", "EMPTY_BONUS = 0.1", "ray_traced +kd_nodes"),
+    "silhouettes": ("kernels/silhouette_points.py", "ENLARGEMENT = 2.0**-10", "ENLARGEMENT = 2.0**-2", "silhouette_map +"),
+    "conservative": ("kernels/conservative_raster.py", "TEXEL_MARGIN = 2.0**-16", "TEXEL_MARGIN = 2.0**-1",
+                     "conservative_map +"),
     "reference": ("reference/light_tree.py", "LEAF_SAMPLES = 16", "LEAF_SAMPLES = 8", "reference +sample_tests"),
 }
 

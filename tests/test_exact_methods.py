@@ -11,6 +11,7 @@ from shadowbench import accuracy, jit
 from shadowbench.algorithms import ALL_ALGORITHMS
 from shadowbench.algorithms.reference import reference_frame
 from shadowbench.geometry import Frame
+from shadowbench.judge import classify, find_truth
 from shadowbench.probe import Probe
 from shadowbench.scenes import SCENES
 from shadowbench.scenes.loader import load_scene
@@ -48,11 +49,11 @@ def mismatches(name: str, changed: dict, frame: Frame) -> tuple[int, int]:
     algorithm = make(name, changed)
     prepared = Frame(frame.mesh, frame.light, frame.camera, frame.image, frame.samples, frame.bias,
                      algorithm.prepare(frame.mesh))
-    shadow = algorithm.shadows(prepared, Probe(counting=True)).shadow
-    truth, ambiguous = reference_frame(frame, Probe(), algorithm.casters(prepared))
-    errors = accuracy.classify(shadow, truth, ambiguous, frame.samples.candidate)
-    measured = accuracy.measure(shadow, errors, ambiguous, frame.samples.candidate)
-    assert np.all(shadow[~frame.samples.candidate] == 0)
+    buffer = algorithm.shadows(prepared, Probe(counting=True))
+    truth = find_truth(frame, algorithm.casters(prepared), algorithm.judged_as(prepared))
+    errors = classify(algorithm, buffer, truth, frame)
+    measured = accuracy.measure(buffer.shadow, errors, truth.ambiguous, frame.samples.candidate)
+    assert np.all(buffer.shadow[~frame.samples.candidate] == 0)
     return measured.wrong, measured.edge_tie
 
 

@@ -9,6 +9,7 @@ from shadowbench.geometry import Light, Material
 from shadowbench.scenes import SCENES
 from shadowbench.scenes.loader import load_scene
 from tests.scene_examples import GROUND, SCENE_ENTRIES
+from tests.texture_examples import texels, write_image
 
 TRIANGLE_OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
@@ -123,7 +124,11 @@ def test_quick_runs_shrink_the_image(folder):
     ("geometry: [{mesh: bad.obj}]\n" + FIXED, "geometry[0]: {folder}/bad.obj: no triangles"),
     ("geometry: [{mesh: far.obj, scale: 1e12}]\n" + FIXED, "frame 0: after scaling and moving: vertex 1"),
     ("geometry: [{mesh: a.obj, material: {alpha_texture: a.obj}}]\n" + FIXED,
-     "geometry[0]: the geometry has no texture coordinates for the alpha_texture"),
+     "geometry[0]: the texture {folder}/a.obj is not a readable image"),
+    ("geometry: [{mesh: a.obj, material: {alpha_texture: leaf.png}}]\n" + FIXED,
+     "geometry[0]: the geometry: the material 'default' has a texture, but the mesh has no texture coordinates"),
+    ("geometry: [{mesh: a.obj, material: {alpha_texture: rgb.png}}]\n" + FIXED,
+     "geometry[0]: the texture {folder}/rgb.png has no alpha channel: save it as RGBA, or as a grey image"),
     ("frames: 3\ngeometry: [{mesh: a.obj}]\nlight: {position: [0, 9, 0]}\ncamera: {path: "
      "[{eye: [0, 0, 1], target: [0, 0, 0]}, {eye: [0, 0, -1], target: [0, 0, 0]}]}\n",
      "frame 1: camera eye and target are the same point"),
@@ -132,6 +137,8 @@ def test_quick_runs_shrink_the_image(folder):
 ])
 def test_bad_scenes(text, expected, folder):
     (folder / "bad.obj").write_text("v 0 0 0\n")
+    write_image(folder / "leaf.png", texels(2, 2))
+    write_image(folder / "rgb.png", texels(2, 2)[..., :3])
     (folder / "far.obj").write_text("v 0 0 0\nv 1e300 0 0\nv 0 1 0\nf 1 2 3\n")
     with pytest.raises(InputError) as caught:
         load(folder, text)

@@ -11,7 +11,9 @@ from shadowbench.errors import InputError
 from shadowbench.geometry import Material
 from shadowbench.scenes import SCENES
 from shadowbench.scenes.meshes import absolute_obj_indices, load_mesh
+from shadowbench.scenes.textures import load_texture
 from tests.scene_examples import SCENE_ENTRIES
+from tests.texture_examples import write_image
 
 TRIANGLE_OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
@@ -54,14 +56,14 @@ def gltf_header(nodes: list[dict], **extra) -> tuple[dict, bytes]:
 def test_obj_keeps_vertices_faces_and_materials(tmp_path):
     (tmp_path / "m.mtl").write_text("newmtl red\nKd 0.7 0.1 0.2\nd 0.3\nnewmtl leaf\nKd 1 1 1\nmap_d leaf.png\n"
                                     "newmtl ghost\nTr 0.25\n")
-    (tmp_path / "leaf.png").write_bytes(b"")
+    write_image(tmp_path / "leaf.png", np.full((2, 2, 4), 128, np.uint8))
     (tmp_path / "m.obj").write_text(
         "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
         "usemtl red\nf 1/1 2/2 3/3\nf 1/1 1/1 2/2\nusemtl leaf\nf 2/2 3/3 4/1\nusemtl ghost\nf 1 2 3 4\n")
     mesh, digest = load_mesh(tmp_path / "m.obj")
     by_name = {m.name: (i, m) for i, m in enumerate(mesh.materials)}
     assert by_name["red"][1] == Material("red", (0.7, 0.1, 0.2), 0.3)
-    assert by_name["leaf"][1] == Material("leaf", (1.0, 1.0, 1.0), 1.0, str(tmp_path / "leaf.png"))
+    assert by_name["leaf"][1] == Material("leaf", (1.0, 1.0, 1.0), 1.0, load_texture(tmp_path / "leaf.png"))
     assert by_name["ghost"][1].alpha == 0.75
     red, leaf = (mesh.material == by_name[name][0] for name in ("red", "leaf"))
     assert (red.sum(), leaf.sum(), len(mesh.triangles)) == (2, 1, 5)       # the degenerate one stays, the quad is two
@@ -149,9 +151,9 @@ def test_gltf_with_files_beside_it(tmp_path):
     header |= {"asset": {"version": "2.0"}, "buffers": [{"uri": "m.bin", "byteLength": len(blob)}]}
     (tmp_path / "m.bin").write_bytes(blob)
     (tmp_path / "m.gltf").write_text(json.dumps(header))
-    (tmp_path / "my leaf.png").write_bytes(b"")
+    write_image(tmp_path / "my leaf.png", np.full((2, 2, 4), 128, np.uint8))
     [material] = load_mesh(tmp_path / "m.gltf").mesh.materials
-    assert material.alpha_texture == str(tmp_path / "my leaf.png")
+    assert material.alpha_texture == load_texture(tmp_path / "my leaf.png") == material.color_texture
 
 
 @pytest.mark.parametrize(("name", "data", "expected"), [
@@ -220,7 +222,7 @@ def test_a_bad_vertex_that_nothing_uses_is_harmless(tmp_path):
 def test_a_missing_alpha_texture_is_named(tmp_path):
     (tmp_path / "m.mtl").write_text("newmtl leaf\nmap_d leaf.png\n")
     (tmp_path / "m.obj").write_text("mtllib m.mtl\nusemtl leaf\n" + TRIANGLE_OBJ)
-    with pytest.raises(InputError, match=r"material 'leaf' needs the texture .*leaf.png, which is missing"):
+    with pytest.raises(InputError, match=r"m.obj: material 'leaf' \(map_d\): the texture .*leaf.png is missing"):
         load_mesh(tmp_path / "m.obj")
 
 

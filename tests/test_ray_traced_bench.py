@@ -5,13 +5,16 @@ import time
 import numpy as np
 import pytest
 
+from shadowbench.algorithms.conservative_map import Params
 from shadowbench.algorithms.ray_traced import RayTraced
 from shadowbench.geometry import Frame, ImageSize
 from shadowbench.jit import set_threads
 from shadowbench.kernels.kdtree_build import build_kdtree
+from shadowbench.kernels.kdtree_traversal import Start
 from shadowbench.probe import Probe
 from shadowbench.scenes.loader import load_scene
 from shadowbench.view_samples import render_view_samples
+from tests.test_conservative_map import classify, counts_of_rays, rays_of
 
 REPEATS = 10
 LARGEST_RATIO = 3.0
@@ -58,3 +61,20 @@ def test_a_ray_within_three_times_embrees(capsys):
         print(f"\nper ray: planes {rays:.0f} ns, trace {trace:.0f} ns; Embree {embree:.0f} ns; "
               f"ratio {trace / embree:.2f}, planes included {(rays + trace) / embree:.2f}")
     assert rays + trace <= LARGEST_RATIO * embree
+
+
+@pytest.mark.bench
+@pytest.mark.parametrize("name", ["citadel", "gate"])
+def test_shortened_rays_visit_no_more_nodes_at_full_size(name, capsys):
+    scene, image = load_scene(name), ImageSize(1024, 1024)
+    mesh, camera, light = scene.mesh(0), scene.camera(0), scene.light(0)
+    samples = render_view_samples(mesh, camera, light, image)
+    frame = Frame(mesh, light, camera.basis(1.0), image, samples, 1e-5 * mesh.diagonal(), build_kdtree(mesh.corners))
+    rays = rays_of(frame)
+    share = classify(frame, Params(resolution=1024, classify=False)).share
+    whole, short = (counts_of_rays(frame, rays, samples.candidate, start, "stack")[1].nodes
+                    for start in (None, Start(share)))
+    with capsys.disabled():
+        print(f"\n{name}: {samples.candidate.sum()} rays, kd nodes {whole.sum()} whole, {short.sum()} shortened, "
+              f"{(short > whole).sum()} rays with more")
+    assert (short <= whole).all()

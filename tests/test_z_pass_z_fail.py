@@ -29,6 +29,7 @@ from shadowbench.kernels.volume_polygons import volume_view
 from shadowbench.plan import RunOptions, describe, plan_cells
 from shadowbench.probe import Probe
 from shadowbench.progress import Progress
+from shadowbench.report.html import write_report
 from shadowbench.report.table import summary
 from shadowbench.results import RunFolder
 from shadowbench.runner import Runner
@@ -155,6 +156,7 @@ def run_in_words(case, method, folder, **params):
     run = RunFolder(folder / "run", describe(scene, options, ["shadowbench"]), len(cells))
     with Progress(len(cells), quiet=True) as progress:
         result = Runner(scene, 0.0, cells, options, run, progress).run([cell.key for cell in cells])
+    write_report(run)
     return summary(result.cells), html.unescape((folder / "run" / "report.html").read_text()), result
 
 

@@ -3,20 +3,34 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from shadowbench.geometry import Frame, Light, Mesh
+from shadowbench.geometry import Frame, Light, Material, Mesh
 from shadowbench.probe import Probe
 
 if TYPE_CHECKING:
     from shadowbench.scenes.loader import Scene
 
-__all__ = ["Algorithm", "AlgorithmParams", "Frame", "Light", "Mesh", "Probe", "ShadowBuffer", "parameter"]
+__all__ = ["Algorithm", "AlgorithmParams", "Frame", "Light", "Mesh", "Probe", "ShadowBuffer", "Transparency", "parameter",
+           "taken_materials"]
+
+
+Transparency = Literal["alpha", "constant", "color", "stochastic", "off"]
+"""What materials let through: by alpha and its texture, by alpha alone, by colours, by chance, or nothing."""
+
+
+def taken_materials(mesh: Mesh, mode: Transparency) -> tuple[Material, ...]:
+    """Materials as a mode takes them: opaque with ``off``, without textures with ``constant``."""
+    if mode == "off":
+        return tuple(Material(m.name, m.color) for m in mesh.materials)
+    if mode == "constant":
+        return tuple(replace(m, alpha_texture=None, color_texture=None) for m in mesh.materials)
+    return mesh.materials
 
 
 def parameter(default: Any, help: str, *, paper: Any = None, **limits: Any) -> Any:
@@ -46,11 +60,15 @@ class ShadowBuffer:
     Attributes
     ----------
     shadow : float32 (n_samples,), 1 = in shadow, 0 = lit; 0 for samples that are no lit candidates.
+        Between them, one less the share of the light that arrives.
     images : extra pictures by name, uint8 (rows, columns, 3), such as a classification of the samples.
+    arriving : float32 (n_samples, 3), shares of red, green and blue that arrive, or None where all are alike; then
+        `shadow` is one less their mean.
     """
 
     shadow: NDArray[np.float32]
     images: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
+    arriving: NDArray[np.float32] | None = None
 
 
 class Algorithm(ABC):
@@ -88,6 +106,10 @@ class Algorithm(ABC):
     def casters(self, frame: Frame) -> NDArray[np.bool_] | None:
         """Tell which triangles cast, bool (n_triangles,), or None for all: the set that exactness is judged over."""
         return None
+
+    def judged_as(self, frame: Frame) -> Transparency:
+        """Tell how transparent materials are taken: what exactness is judged over. Without support, all are opaque."""
+        return "off"
 
     @abstractmethod
     def shadows(self, frame: Frame, probe: Probe) -> ShadowBuffer:

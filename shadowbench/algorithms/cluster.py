@@ -42,13 +42,15 @@ from numpy.typing import NDArray
 
 from shadowbench.algorithms.base import Frame, Probe, ShadowBuffer, parameter
 from shadowbench.algorithms.frustum_base import Casters, FrustumAlgorithm, FrustumParams
-from shadowbench.kernels import cluster_counts, cluster_hierarchy, cluster_shadow
+from shadowbench.algorithms.transparency import ClearCasters, Shaded, shadow_buffer
+from shadowbench.kernels import cluster_counts, cluster_hierarchy, cluster_shadow, transparency
 from shadowbench.kernels.cluster_jobs import Jobs, Rules, expand
 from shadowbench.kernels.cluster_keys import KeyLayout, key_layout, make_slices
 from shadowbench.kernels.cluster_traversal import finish
 from shadowbench.kernels.culling_planes import EYE_EDGES
 from shadowbench.kernels.group_frustum import Groups, needed_members
 from shadowbench.kernels.shadow_frustum import Frusta
+from shadowbench.kernels.transparent_clusters import merge_through, root_children, traverse_transparent
 from shadowbench.kernels.unit_counts import add_to_triangles, sum_by_unit
 
 if TYPE_CHECKING:
@@ -120,7 +122,7 @@ class Cluster(FrustumAlgorithm):
     paper = "Sintorn et al. 2014"
     stages = ("hierarchy", "frustum_setup", "traversal", "merge")
     counters = ("node_tests", "sample_tests", "group_tests", "trivial_accepts", "trivial_rejects", "refinements",
-                "float64_sample_tests", "iterations", "occupied_nodes")
+                "float64_sample_tests", "iterations", "occupied_nodes", "light_updates", "texture_lookups")
     Params = Params
 
     def unsupported(self, scene: Scene) -> str | None:
@@ -146,20 +148,39 @@ class Cluster(FrustumAlgorithm):
             casters = self.find_casters(frame, (np.abs(tree.tiles.plane_x).max(), np.abs(tree.tiles.plane_y).max(),
                                                 tree.largest_r))
             frusta = self.frusta(frame, casters, casters.single)
+            clear = self.clear_casters(frame, casters)
         with probe.stage("traversal"):
             filled = self._empty(tree, probe.counting)
         work = [self._walk_frusta(frame, tree, frusta, filled, probe)]
         if casters.groups is not None:
             work.append(self._walk_groups(frame, tree, casters, casters.groups, filled, probe))
+        through = None if clear is None else self._shade(frame, tree, clear, filled, probe)
         with probe.stage("merge"):
             merged = cluster_shadow.merge_clusters(tree.nodes, tree.clusters, tree.tiles, filled.shadow)
+            parts = (tree.nodes, filled.leaves), tree.tiles
+            arriving = None if through is None else merge_through(*parts, through.light, merged)
             if not params.remove_unlit:
                 merged[~samples.candidate] = 0.0
         self._record_memory(tree, probe)
         if filled.counts is None:
-            return ShadowBuffer(merged)
-        self._record_counts(frame, tree, filled.counts, work, probe)
-        return ShadowBuffer(merged, {"levels": cluster_counts.picture_levels(tree.nodes, tree.clusters, tree.tiles)})
+            return shadow_buffer(merged, arriving, samples.candidate)
+        self._record_counts(frame, tree, filled.counts, work, through, probe)
+        buffer = shadow_buffer(merged, arriving, samples.candidate)
+        buffer.images["levels"] = cluster_counts.picture_levels(tree.nodes, tree.clusters, tree.tiles)
+        return buffer
+
+    def _shade(self, frame: Frame, tree: _Hierarchy, clear: ClearCasters, filled: _Filled, probe: Probe) -> Shaded:
+        """Let the casters that let light through shade what the opaque ones have left."""
+        counts, n_nodes = None, len(tree.nodes.parent)
+        if probe.counting:
+            counts = transparency.empty_counts(n_nodes, root_children(tree.nodes), len(clear.optics.triangle))
+        with probe.stage("traversal"):
+            light = transparency.all_light(n_nodes, len(frame.samples.depth), clear.optics)
+            traverse_transparent((tree.nodes, filled.leaves), tree.tiles, *clear, filled.rules, frame.samples.depth,
+                                 filled.shadow, light, counts)
+        if not clear.optics.by_chance:
+            probe.memory("light_hierarchy", light.nodes.nbytes + light.samples.nbytes)
+        return Shaded(clear, light, counts)
 
     def _walk_frusta(self, frame: Frame, tree: _Hierarchy, frusta: Frusta, filled: _Filled, probe: Probe) -> _Work:
         """Walk frusta by themselves, in two passes (Sec. 2.2)."""
@@ -191,7 +212,7 @@ class Cluster(FrustumAlgorithm):
         """Build the hierarchy; None if no sample is included."""
         samples, params = frame.samples, self.params
         layout = key_layout(samples.columns, samples.rows)
-        start = frame.camera.near if params.depth_start == "near_plane" else float(samples.depth.min())
+        start = frame.camera.near if params.depth_start == "near_plane" else cluster_hierarchy.nearest_depth(samples.depth)
         tiles = cluster_hierarchy.tile_samples(np.ascontiguousarray(samples.plane_x[: samples.columns]),
                                                np.ascontiguousarray(samples.plane_y[:: samples.columns]))
         slices = make_slices(start if start < np.inf else frame.camera.near, frame.camera.tan_y, tiles.rows,
@@ -222,9 +243,15 @@ class Cluster(FrustumAlgorithm):
             probe.memory("modelled_compact", n_full * POINTER_BYTES + n_occupied * BOX_BYTES)
 
     def _record_counts(self, frame: Frame, tree: _Hierarchy, counts: cluster_shadow.Counts, work: list[_Work],
-                       probe: Probe) -> None:
+                       through: Shaded | None, probe: Probe) -> None:
         """Report totals, levels, triangles, jobs and the heat map from the kernels' counts."""
         nodes, whole = tree.nodes, self.params.leaf == "tile"
+        clear = None if through is None else through.counts
+        if clear is not None:
+            for name in ("visits", "tests", "accepts", "rejects", "refinements", "retries"):
+                getattr(counts, name)[:] += getattr(clear, name)
+            probe.count("light_updates", clear.updates.sum())
+            probe.count("texture_lookups", clear.lookups.sum())
         n_inner, first = len(nodes.first_child), nodes.first[:-2]
         for name, values in (("node_tests", counts.tests), ("group_tests", counts.group_tests),
                              ("trivial_accepts", counts.accepts), ("trivial_rejects", counts.rejects),
@@ -245,5 +272,9 @@ class Cluster(FrustumAlgorithm):
                 iterations.append(visits + sum_by_unit(jobs.unit, job_visits, n_units))
             else:
                 iterations += [visits, job_visits]
+        if through is not None and clear is not None:
+            # A worker's walk of a frustum is a job
+            per_triangle[through.clear.optics.triangle] += clear.frustum_tests.sum(axis=0) + root_children(nodes)
+            iterations.append(clear.frustum_visits.reshape(-1).astype(np.int64))
         probe.count_triangles("test_and_set", per_triangle)
         probe.list_largest("iterations", np.concatenate(iterations))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.algorithms.base import Algorithm, AlgorithmParams, Frame, Mesh, parameter
+from shadowbench.algorithms.transparency import ClearCasters, Transparency, make_optics, split_casters
 from shadowbench.kernels import shadow_frustum
 from shadowbench.kernels.caster_selection import closed_triangles, select_casters
 from shadowbench.kernels.culling_planes import EYE_EDGES
@@ -23,6 +24,9 @@ class FrustumParams(AlgorithmParams):
     group: Literal[1, 8, 16, 32, 64] = parameter(1, "frusta of a group that share the walk through the upper levels")
     remove_unlit: bool = parameter(True, "leave samples that are no lit candidates out of the hierarchy")
     skip_shadowed: bool = parameter(True, "stop at tiles and samples that are already in shadow")
+    transparency: Transparency = parameter(
+        "alpha", "what materials let through: by alpha and its texture, by alpha alone, by colours, by chance, or nothing")
+    seed: int = parameter(0, "of the chance", ge=0, lt=2**63)
 
 
 class Casters(NamedTuple):
@@ -32,7 +36,8 @@ class Casters(NamedTuple):
     ----------
     sides : int8 (n_triangles,), the side of each triangle that the light sees.
     view : camera, light, bias, reach of the samples.
-    single : int64, triangles that are walked by themselves; grouped : int64, the members of groups.
+    single : int64, opaque triangles that are walked by themselves; grouped : int64, the members of groups.
+    clear : int64, triangles that let light through.
     groups : None, or the groups' bounding frusta; their frusta are numbered after the single ones.
     """
 
@@ -41,6 +46,7 @@ class Casters(NamedTuple):
     single: NDArray[np.int64]
     grouped: NDArray[np.int64]
     groups: Groups | None
+    clear: NDArray[np.int64]
 
     def first(self) -> NDArray[np.int64]:
         """Places of the groups' members in `grouped`, int64 (n_groups + 1,)."""
@@ -77,18 +83,30 @@ class FrustumAlgorithm(Algorithm):
         sides, corners = _sides(frame), frame.mesh.corners
         triangles = shadow_frustum.casting_triangles(
             sides, select_casters(self.params.casters, sides, self._closed(frame)))
+        triangles, clear = split_casters(frame.mesh, self.params.transparency, triangles)
         view = shadow_frustum.View(*frame.camera[:4], frame.light.xyzw(), frame.bias, np.array(reach))
         if self.params.group == 1 or not may_group:
-            return Casters(sides, view, triangles, triangles[:0], None)
+            return Casters(sides, view, triangles, triangles[:0], None, clear)
         units, faces = group_triangles(corners, triangles, view.light, self.params.group)
         single, grouped = units.order[:units.n_single], units.order[units.n_single:]
-        return Casters(sides, view, single, grouped, make_groups(corners, units, faces, view))
+        return Casters(sides, view, single, grouped, make_groups(corners, units, faces, view), clear)
 
     def frusta(self, frame: Frame, casters: Casters, triangles: NDArray[np.int64]) -> shadow_frustum.Frusta:
         """Set up the frusta of some triangles, in their order."""
         planes = self.params.culling_planes
         return shadow_frustum.make_frusta(frame.mesh.corners, casters.sides, triangles, casters.view, EYE_EDGES[planes],
                                           "wedge" in planes)
+
+    def clear_casters(self, frame: Frame, casters: Casters) -> ClearCasters | None:
+        """Set up the frusta of the casters that let light through, and what they let through; None if there are none."""
+        if len(casters.clear) == 0:
+            return None
+        optics = make_optics(frame.mesh, self.params.transparency, casters.clear, casters.view, self.params.seed)
+        return ClearCasters(self.frusta(frame, casters, casters.clear), optics)
+
+    def judged_as(self, frame: Frame) -> Transparency:
+        """How the reference must take the materials, to judge this method."""
+        return cast("Transparency", self.params.transparency)
 
     def _closed(self, frame: Frame) -> Any:
         """What `prepare` found, computed here if the frame does not bring it."""

@@ -7,7 +7,7 @@ Acceleration Structures for a GPU Raytracer", 2005; Horn, Sugerman, Houston, Han
 Raytracing", 2007.
 
 Idea: the tree sorts the triangles by where they are. A ray from the light to a sample visits the cells along it and
-ends at the first triangle that shadows the sample.
+ends in the first one in which it meets a triangle that shadows the sample.
 
 Stages
 ------

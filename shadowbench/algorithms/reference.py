@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from dataclasses import replace
+from typing import ClassVar, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.algorithms.base import Algorithm, AlgorithmParams, Frame, Probe, ShadowBuffer, parameter
-from shadowbench.reference import certified_shadows
+from shadowbench.algorithms.base import (
+    Algorithm,
+    AlgorithmParams,
+    Frame,
+    Probe,
+    ShadowBuffer,
+    Transparency,
+    parameter,
+    taken_materials,
+)
+from shadowbench.geometry import FloatArray
+from shadowbench.reference import certified_shadows, certified_transmittance
 
 TIE_PIXELS = 1e-4
 """Default tie distance in pixel footprints at the sample: far below what a picture shows, far above
@@ -21,6 +32,8 @@ class Params(AlgorithmParams):
     tie_pixels: float = parameter(
         TIE_PIXELS, "Tie distance: how far side planes move to find ambiguous samples, in pixel footprints.",
         ge=0.0, le=1.0)
+    transparency: Literal["alpha", "constant", "color", "off"] = parameter(
+        "alpha", "What materials let through: by alpha and its texture, by alpha alone, by colours, or nothing.")
 
 
 def reference_frame(
@@ -63,6 +76,38 @@ def reference_frame(
     return shadow, ambiguous
 
 
+def lets_light_through(frame: Frame, mode: Transparency) -> bool:
+    """True if some triangle's material is not opaque, as the mode takes it."""
+    opaque = np.array([m.is_opaque for m in taken_materials(frame.mesh, mode)], np.bool_)
+    return not opaque[frame.mesh.material].all()
+
+
+def transparent_frame(frame: Frame, probe: Probe, mode: Transparency, casters: NDArray[np.bool_] | None = None,
+                      tie_pixels: float = TIE_PIXELS) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Find the light that arrives at the lit candidates of a frame.
+
+    Parameters
+    ----------
+    mode : how materials are taken; by chance means the expected value.
+    (the others as in `reference_frame`)
+
+    Returns
+    -------
+    arriving : float64 (n_samples, n_channels), shares of the light that arrive; 1 for samples that are no lit candidates.
+    ambiguous : as in `reference_frame`.
+    """
+    candidates = np.flatnonzero(frame.samples.candidate)
+    mesh = replace(frame.mesh, materials=taken_materials(frame.mesh, mode))
+    tie_distance = tie_pixels * frame.pixel_footprint * frame.samples.depth[candidates]
+    result = certified_transmittance(mesh, frame.light.xyzw(), frame.samples.position[candidates], frame.bias, tie_distance,
+                                     mode == "color", casters, stage=probe.stage)
+    arriving = np.ones((len(frame.samples.candidate), result.transmittance.shape[1]))
+    arriving[candidates] = result.transmittance
+    ambiguous = np.zeros(len(arriving), np.bool_)
+    ambiguous[candidates] = result.ambiguous
+    return arriving, ambiguous
+
+
 class Reference(Algorithm):
     """Error-bounded float64 with rational arithmetic behind it; exact for every light, mesh and scale."""
 
@@ -76,5 +121,14 @@ class Reference(Algorithm):
 
     def shadows(self, frame: Frame, probe: Probe) -> ShadowBuffer:
         """Compute the shadow buffer of one frame."""
-        shadow, _ = reference_frame(frame, probe, tie_pixels=self.params.tie_pixels)
-        return ShadowBuffer(shadow)
+        mode = self.judged_as(frame)
+        if not lets_light_through(frame, mode):
+            shadow, _ = reference_frame(frame, probe, tie_pixels=self.params.tie_pixels)
+            return ShadowBuffer(shadow)
+        arriving, _ = transparent_frame(frame, probe, mode, tie_pixels=self.params.tie_pixels)
+        shares = arriving.astype(np.float32) if mode == "color" else None
+        return ShadowBuffer((1.0 - arriving.mean(axis=1)).astype(np.float32), arriving=shares)
+
+    def judged_as(self, frame: Frame) -> Transparency:
+        """How materials are taken."""
+        return cast("Transparency", self.params.transparency)

@@ -14,7 +14,8 @@ ERRORS = ("false_shadow", "false_light", "edge_tie")
 COSTS = frozenset([*TOTALS, *ERRORS, *(c.name for c in ALL_COUNTERS if c.in_test_and_set or c.in_all_work)])
 """Fewer are better. Of any other count neither more nor fewer is: it only says how the work was done."""
 
-ANSWERS = frozenset(["samples", "lit_candidates", "ambiguous", "caster_difference"])
+ANSWERS = frozenset(["samples", "lit_candidates", "ambiguous", "caster_difference", "transparency_difference",
+                     "antialiasing_difference"])
 """These belong to the scene and the reference, so no improvement of a method changes them."""
 
 ALL_NAMES = sorted({counter.name for counter in ALL_COUNTERS} | set(ERRORS) | ANSWERS | {"shadowed"})

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.projection import N_WORKERS, ProjectedMesh, View, chunk, clip_near
 
 N_BANDS = 64
@@ -85,7 +85,7 @@ def _clipped_bounds(view, mesh, t, polygon):
     return low, high
 
 
-@kernel
+@allocating_kernel
 def _count_chunk(worker, view, mesh, rows, counted):
     """Find the rows that the bounds of one worker's share of the triangles touch; count triangles per band."""
     first, end = chunk(worker, len(mesh.triangles))
@@ -105,7 +105,7 @@ def _count_chunk(worker, view, mesh, rows, counted):
                 counted[band, worker] += 1
 
 
-@kernel
+@allocating_kernel
 def _scatter_chunk(worker, view, bins):
     """Write one worker's share of the triangles into the bands."""
     first, end = chunk(worker, len(bins.rows))

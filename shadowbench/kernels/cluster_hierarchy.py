@@ -13,10 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.cluster_bounds import box_clusters, implicit_boxes, join_boxes
 from shadowbench.kernels.cluster_keys import TILE, TILE_SAMPLES
-from shadowbench.kernels.lanes import LANES, lowest_bit
+from shadowbench.kernels.cluster_links import count_nodes, link_nodes
+from shadowbench.kernels.lanes import lowest_bit
 from shadowbench.kernels.row_lanes import row_between, row_mask, store_reciprocals
 
 N_WORKERS = 32
@@ -26,7 +27,6 @@ ROOM_PER_TILE = 8, TILE_SAMPLES
 """Clusters per tile, on average over a band, that there is room for at first, and if that is not enough."""
 
 _INDEX_BITS = np.uint64(32)
-_ONE = np.uint64(1)
 
 
 class TileSamples(NamedTuple):
@@ -113,12 +113,9 @@ def tile_samples(plane_x, plane_y):
     return TileSamples(x, np.repeat(y, TILE), r, columns, rows, plane_x, plane_y)
 
 
-@kernel
+@allocating_kernel
 def _find_in_band(worker, samples, depth, bits, included, layout, slices, found):
-    """Find the clusters of a band of tile rows. Rows of samples are padded to whole tiles. -1: there is no room.
-
-    One function, because a call takes a reference count for each array in the records that it passes.
-    """
+    """Find the clusters of a band of tile rows. Rows of samples are padded to whole tiles. -1: there is no room."""
     n_columns, n_rows = samples.columns * TILE, len(samples.plane_y)
     tile_r, starts, guide = samples.r, slices.start, slices.guide
     shift, first_range, last_range = slices.shift, slices.first, len(slices.guide) - 1
@@ -129,7 +126,7 @@ def _find_in_band(worker, samples, depth, bits, included, layout, slices, found)
         height = min(TILE, n_rows - tile_row * TILE)
         for tile_column in range(samples.columns):
             tile = tile_row * samples.columns + tile_column
-            before, offset = n, tile * TILE_SAMPLES
+            before, offset, slot, low, high = n, tile * TILE_SAMPLES, np.int64(-1), 0.0, 0.0
             for iy in range(TILE):
                 sample, place = (tile_row * TILE + iy) * n_columns + tile_column * TILE, offset + iy * TILE
                 if iy >= height:
@@ -137,13 +134,19 @@ def _find_in_band(worker, samples, depth, bits, included, layout, slices, found)
                     continue
                 waiting = row_mask(included, sample)
                 store_reciprocals(depth, sample, waiting, tile_r, place)
+                # The cluster that was met last goes on in most rows
+                if slot >= before:
+                    taken = waiting & row_between(depth, sample, low, high)
+                    waiting ^= taken
+                    masks[slot] |= taken << np.uint64(iy * TILE)
                 while waiting != 0:
                     # Eq. 1: the slice that the depth's range begins in, or the next
                     first = sample + lowest_bit(waiting)
                     z = guide[min(max((bits[first] >> shift) - first_range, 0), last_range)]
                     z += depth[first] >= starts[z + 1]
                     # Take all samples of the row that lie in it
-                    taken = waiting & row_between(depth, sample, starts[z] if z > 0 else 0.0, starts[z + 1])
+                    low, high = starts[z] if z > 0 else 0.0, starts[z + 1]
+                    taken = waiting & row_between(depth, sample, low, high)
                     waiting ^= taken
                     # The cluster last noted for the slice, if it is of this tile
                     slot = slot_of_slice[z]
@@ -203,9 +206,10 @@ def _pack(found, order):
 
 
 @kernel
-def _unpack(found, order, n_columns, clusters):
-    """Write the clusters in the order of their keys."""
-    for i in range(len(order)):
+def _unpack_part(found, order, n_columns, clusters, worker):
+    """Write a share of the clusters in the order of their keys."""
+    n = len(order)
+    for i in range(n * worker // N_WORKERS, n * (worker + 1) // N_WORKERS):
         slot = np.int64(order[i] & np.uint64(0xFFFFFFFF))
         place = found.place[slot]
         row, column = place >> 16 & 0xFFFF, place & 0xFFFF
@@ -214,69 +218,37 @@ def _unpack(found, order, n_columns, clusters):
         clusters.samples[i] = found.mask[slot]
 
 
-@kernel
-def _count_nodes(keys, shift, n_nodes):
-    """Count the different prefixes of the sorted keys on every level."""
-    for level in range(len(n_nodes)):
-        n_nodes[level] = 1
-    for i in range(1, len(keys)):
-        level = len(n_nodes) - 1
-        while level >= 0 and keys[i] >> np.uint64(shift[level]) != keys[i - 1] >> np.uint64(shift[level]):
-            n_nodes[level] += 1
-            level -= 1
+@parallel_kernel
+def _unpack(found, order, n_columns, clusters):
+    for worker in prange(N_WORKERS):
+        _unpack_part(found, order, n_columns, clusters, worker)
 
 
 @kernel
-def _link(nodes, level, layout, clusters, first_cluster, base, full):
-    """Group a level's children into its nodes.
-
-    Parameters
-    ----------
-    first_cluster : int64 (n_nodes,), a cluster of each node: those of the children are known, those of the nodes set.
-    base : where the places of this level start.
-    full : True for the full layout.
-
-    Returns
-    -------
-    Where the places of the next level down start, in the compact layout.
-    """
-    bits, shift = np.uint64(layout.level_bits[level]), np.uint64(layout.shift[level + 1])
-    node, first_child = nodes.first[level] - 1, nodes.first[level + 1]
-    for child in range(first_child, nodes.first[level + 2]):
-        key = clusters.key[first_cluster[child]] >> shift
-        if child == first_child or key >> bits != clusters.key[first_cluster[child - 1]] >> shift >> bits:
-            node += 1
-            nodes.first_child[node] = child
-            nodes.occupied[node] = 0
-            first_cluster[node] = first_cluster[child]
-        lane = np.int64(key & ((_ONE << bits) - _ONE)) if full else child - nodes.first_child[node]
-        nodes.parent[child], nodes.lane[child] = node, lane
-        nodes.occupied[node] |= _ONE << np.uint64(lane)
-    # Give each node room for its children's boxes
-    block = 2 * LANES * -(-(1 << layout.level_bits[level]) // LANES)
-    for node in range(nodes.first[level], nodes.first[level + 1]):
-        last = nodes.first_child[node + 1] if node + 1 < nodes.first[level + 1] else nodes.first[level + 2]
-        n_lanes = 1 << layout.level_bits[level] if full else last - nodes.first_child[node]
-        nodes.n_chunks[node] = -(-n_lanes // LANES)
-        if full:
-            nodes.place[node] = base + block * np.int64(clusters.key[first_cluster[node]] >> shift >> bits)
-        else:
-            nodes.place[node] = base
-            base += 2 * LANES * nodes.n_chunks[node]
-    return base
+def _nearest_part(bits, nearest, worker):
+    """Find the smallest of a share of the numbers."""
+    part = bits[len(bits) * worker // N_WORKERS:len(bits) * (worker + 1) // N_WORKERS]
+    a = b = c = d = nearest[worker]
+    # Four chains of comparisons, because each waits for its last one
+    for i in range(len(part) // 4):
+        a, b = min(a, part[4 * i]), min(b, part[4 * i + 1])
+        c, d = min(c, part[4 * i + 2]), min(d, part[4 * i + 3])
+    for i in range(len(part) // 4 * 4, len(part)):
+        a = min(a, part[i])
+    nearest[worker] = min(min(a, b), min(c, d))
 
 
-def _place_nodes(nodes, layout, clusters, full):
-    """Link all levels; returns a cluster of each node and the size of the arrays of coordinates."""
-    n_levels = len(layout.level_bits)
-    first_cluster = np.empty(len(nodes.parent), np.int64)
-    first_cluster[nodes.first[n_levels]:] = np.arange(len(clusters.key))
-    blocks = 2 * LANES * -(-(1 << layout.level_bits) // LANES)
-    starts = np.concatenate([[0], np.cumsum(blocks << (layout.shift[0] - layout.shift[:-1]))])
-    end = 0
-    for level in range(n_levels - 1, -1, -1):
-        end = _link(nodes, level, layout, clusters, first_cluster, int(starts[level]) if full else end, full)
-    return first_cluster, int(starts[-1]) if full else end
+@parallel_kernel
+def _find_nearest(bits, nearest):
+    for worker in prange(N_WORKERS):
+        _nearest_part(bits, nearest, worker)
+
+
+def nearest_depth(depth):
+    """Smallest of the depths: float64 (n_samples,), positive, whose bits compare like integers; inf if there is none."""
+    nearest = np.full(N_WORKERS, np.inf)
+    _find_nearest(depth.view(np.int64), nearest.view(np.int64))
+    return float(nearest.min())
 
 
 def build_cluster_tree(samples, depth, included, layout, slices, explicit, full):
@@ -299,15 +271,15 @@ def build_cluster_tree(samples, depth, included, layout, slices, explicit, full)
     n_clusters = len(clusters.key)
     if n_clusters == 0:
         return clusters, None, 0.0
-    n_nodes = np.zeros(len(layout.level_bits), np.int64)
-    _count_nodes(clusters.key, layout.shift, n_nodes)
+    starts = count_nodes(clusters.key, layout)
+    n_nodes = starts.sum(axis=0)
     first = np.concatenate([[0], np.cumsum(n_nodes)])
     n_inner, n_all = int(first[-1]), int(first[-1]) + n_clusters
     empty = np.empty(0, np.float32)
     nodes = Nodes(np.append(first, n_all), np.empty(n_inner, np.int32), np.full(n_all, -1, np.int32),
                   np.zeros(n_all, np.int8), np.empty(n_inner, np.uint64), np.empty(n_inner, np.int64),
                   np.empty(n_inner, np.int8), empty, empty, empty)
-    first_cluster, size = _place_nodes(nodes, layout, clusters, full)
+    first_cluster, size = link_nodes(nodes, layout, clusters, starts, full)
     nodes = nodes._replace(x=np.zeros(size, np.float32), y=np.zeros(size, np.float32), r=np.zeros(size, np.float32))
     if explicit:
         box_clusters(nodes, clusters, samples)

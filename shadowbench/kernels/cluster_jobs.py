@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.cluster_shadow import spread
 from shadowbench.kernels.group_frustum import GROUP_EYE_ROW, GROUP_ROW_SIZE
 from shadowbench.kernels.lanes import (
@@ -83,7 +83,7 @@ class _Expanded(NamedTuple):
     count: np.ndarray
 
 
-@kernel
+@allocating_kernel
 def _expand_part(n_units, nodes, frusta, groups, rules, split_level, expanded, shadow, counts, worker):
     """Walk a share of the units down to the split level: frusta, or groups; the other is None.
 

@@ -10,7 +10,7 @@ level: down to there the group is tested, from there on its members.
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.cluster_keys import TILE, TILE_SAMPLES
 from shadowbench.kernels.group_frustum import GROUP_EYE_ROW, GROUP_ROW_SIZE
 from shadowbench.kernels.lanes import (
@@ -68,7 +68,7 @@ def _close(nodes, open_children, node, top):
         node = parent
 
 
-@kernel
+@allocating_kernel
 def _finish_node(nodes, leaves, samples, frusta, groups, rules, jobs, depth, shadow, counts, worker):
     """Do all jobs of a node of the split level.
 

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.conservative_setup import (
     BEHIND,
     BOUNDED,
@@ -155,7 +155,7 @@ def _grown_range(distance, values):
     return low, high
 
 
-@kernel
+@allocating_kernel
 def _rows_part(corners, casting, origin, face, discard, rows, worker):
     values, n = np.empty(N_VALUES), len(corners)
     for t in range(n * worker // N_WORKERS, n * (worker + 1) // N_WORKERS):
@@ -177,7 +177,7 @@ def _draw_all(corners, rows, origin, face, layer, discard, target, counts):
         _draw_band(corners, rows, origin, face, layer, discard, target, counts, band)
 
 
-@kernel
+@allocating_kernel
 def _draw_band(corners, rows, origin, face, layer, discard, target, counts, band):
     """Draw all triangles of one band of rows."""
     values = np.empty(N_VALUES)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.shadow_volumes import EDGE_ON, N_WORKERS, Casters, cap_plane, chunk, dot, side_plane
 
 APART, AROUND, TOUCHING = 0, 1, 2
@@ -135,7 +135,7 @@ def _value(planes, k, x, down, depth):
     return planes[k, 0] + depth * (planes[k, 3] + x * planes[k, 1] - down * planes[k, 2])
 
 
-@kernel
+@allocating_kernel
 def _test_rows(worker, touching, adjacency, light, casters, bias, view, target):
     """Test one worker's share of the rows against the frusta that touch the eye."""
     first, end = chunk(worker, len(view.down))

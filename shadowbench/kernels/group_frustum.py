@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.culling_planes import SLACK, UNUSED, Space, row_in_proj, tolerance_growth
 from shadowbench.kernels.eye_planes import store_eye_planes
 from shadowbench.kernels.frustum_groups import light_coordinates
@@ -72,7 +72,7 @@ def _unit(v):
     return scaled(v, 1.0 / length if length > 0.0 else 0.0), length
 
 
-@kernel
+@allocating_kernel
 def _group_part(corners, units, faces, view, groups, worker):
     """Write the rows of a share of the groups."""
     light = view.light[0], view.light[1], view.light[2], view.light[3]

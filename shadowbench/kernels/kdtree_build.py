@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import kernel
+from shadowbench.jit import allocating_kernel, kernel
 from shadowbench.kernels.kdtree_clip import GRID, MAX_CORNERS, clipped_bounds
 from shadowbench.kernels.kdtree_events import add_events, find_sides, room, split_axis
 from shadowbench.kernels.kdtree_sweep import (
@@ -148,7 +148,7 @@ def _push(stack, place, span, box, depth, parent, n_pieces):
     stack[place, TASK_DEPTH], stack[place, TASK_PARENT], stack[place, TASK_N_PIECES] = depth, parent, n_pieces
 
 
-@kernel
+@allocating_kernel
 def _build(corners, top, events):
     """Build all nodes, depth first, from the sorted events of each axis; returns nodes, references and their numbers."""
     n_pieces = len(corners)

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from shadowbench.jit import kernel
+from shadowbench.jit import allocating_kernel, kernel
 from shadowbench.kernels.kdtree_sweep import END, PIECE_BITS, PIECE_MASK, PLANAR, START, event
 
 _LEFT, _RIGHT, _BOTH = 0, 1, 2
 _GAPS = (1750, 701, 301, 132, 57, 23, 10, 4, 1)
 
 
-@kernel
+@allocating_kernel
 def room(array, n_used, n_more):
     """Return the array, or a copy with room for more values."""
     if n_used + n_more <= len(array):

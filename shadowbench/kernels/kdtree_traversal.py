@@ -23,20 +23,26 @@ that they end on.
 
 **Direction.** From the light outwards, rays that the conservative map shortens take the fewest steps: on the gate 22
 nodes and 2.9 leaves a ray, against 26 and 3.6 from the sample towards the light; whole rays differ by 4 % either way.
-A shortened ray never takes more steps than the whole one if it hits nothing, or if the whole ray's hit comes after its
-own start. A triangle that spans several leaves can shadow the sample by an earlier leaf already, though, than the
-one where the ray meets it; if the shortened ray starts after that leaf, it goes on to the later one.
+
+**Where a ray ends.** A triangle that spans several leaves shadows the sample in each of them, also in those that the ray
+leaves before it meets the triangle. It ends the ray only in a leaf whose interval does not end before the
+`shadow_rays.crossing`; until then it is a deferred hit, and the ray goes on. So a ray that starts later, but before
+all crossings, visits those leaves of the whole ray whose intervals do not end before its start, finds the same
+triangle in the same leaf at the latest, and never visits more nodes. That comparison needs no tolerance of its
+own: cells are widened by `shadow_rays.MARGIN`, of which the test (1), the clipping (`CLIP_MARGIN`) and the rounding of
+the crossing (a quarter) leave a part. Should rounding, or a loose triangle, whose crossing is not known, still leave
+a hit deferred to the end of the walk, the sample is in shadow all the same.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.elements import get, increment, put
 from shadowbench.kernels.kdtree_build import MAX_DEPTH
 from shadowbench.kernels.kdtree_walk import SHORT_STACK, Ray, RayCounts, walk, walk_again
-from shadowbench.kernels.shadow_rays import FAR_ROUNDING, MARGIN, N_WORKERS, is_shadowed_by
+from shadowbench.kernels.shadow_rays import FAR_ROUNDING, MARGIN, N_WORKERS, PARALLEL_LENGTH, is_shadowed_by
 
 TILE = 8
 """Side of the blocks of samples that are traced one after the other: neighbouring rays use the same nodes."""
@@ -104,7 +110,7 @@ def trace(tree, rays, traced, start, traversal, columns, shadow, counts=None):
 
 def parallel_length(rays):
     """Length of a directional light's rays, world units: from outside the scene to any sample."""
-    return 2.0 * rays.reach
+    return PARALLEL_LENGTH * rays.reach
 
 
 @parallel_kernel
@@ -113,7 +119,7 @@ def _trace_all(tree, rays, grid, traced, start, n_stack, columns, shadow, counts
         _trace_part(tree, rays, grid, traced, start, n_stack, columns, shadow, counts, worker)
 
 
-@kernel
+@allocating_kernel
 def _trace_part(tree, rays, grid, traced, start, n_stack, columns, shadow, counts, worker):
     """Trace the rays of one worker's share of the tiles."""
     ray = Ray(np.empty(9), np.empty(MAX_DEPTH + 1, np.int64), np.empty(MAX_DEPTH + 1), np.empty(MAX_DEPTH + 1),

@@ -11,10 +11,13 @@ import numpy as np
 from shadowbench.jit import kernel
 from shadowbench.kernels.elements import get, increment, put
 from shadowbench.kernels.kdtree_build import LEAF
-from shadowbench.kernels.shadow_rays import is_shadowed_by
+from shadowbench.kernels.shadow_rays import crossing, is_shadowed_by
 
 SHORT_STACK = 4
 """Entries of the short stack (Horn et al. 2007 find 3 to 5 enough)."""
+
+NO_HIT, DEFERRED, HIT = 0, 1, 2
+"""What a leaf yields: nothing, a triangle that the ray meets beyond the leaf, or one that ends the ray."""
 
 _ROOT_BIT = np.int64(1) << np.int64(62)
 
@@ -52,23 +55,28 @@ class Ray(NamedTuple):
 
 
 @kernel
-def _hits_leaf(tree, rays, node, x, y, r, i, counts):
-    """Test a sample against the triangles of a leaf, until one shadows it."""
+def _hits_leaf(tree, rays, node, end, x, y, r, i, counts):
+    """Test a sample against the triangles of a leaf, until one shadows it whose plane the ray meets before `end`."""
+    found = NO_HIT
     first = np.int64(get(tree, "nodes", 2 * node))
     for k in range(first, first + (get(tree, "nodes", 2 * node + 1) >> 2)):
         if counts is not None:
             increment(counts, "tests", i)
-        if is_shadowed_by(rays, np.int64(get(tree, "references", k)), x, y, r):
-            return True
-    return False
+        t = np.int64(get(tree, "references", k))
+        if is_shadowed_by(rays, t, x, y, r):
+            if crossing(rays, t, x, y, r) <= end:
+                return HIT
+            found = DEFERRED
+    return found
 
 
 @kernel
 def walk(tree, rays, ray, begin, end, x, y, r, i, counts):
-    """Visit the leaves along a ray with a stack; True at the first triangle that shadows the sample."""
+    """Visit the leaves along a ray with a stack, until a triangle ends it; True if any shadows the sample."""
     if begin > end:
         return False
     node = n_stack = 0
+    found = NO_HIT
     while True:
         link = np.int64(get(tree, "nodes", 2 * node + 1))
         axis = link & 3
@@ -93,10 +101,11 @@ def walk(tree, rays, ray, begin, end, x, y, r, i, counts):
             axis = link & 3
         if counts is not None:
             increment(counts, "leaves", i)
-        if _hits_leaf(tree, rays, node, x, y, r, i, counts):
+        found = max(found, _hits_leaf(tree, rays, node, end, x, y, r, i, counts))
+        if found == HIT:
             return True
         if n_stack == 0:
-            return False
+            return found == DEFERRED
         n_stack -= 1
         node, begin, end = get(ray, "node", n_stack), get(ray, "near", n_stack), get(ray, "far", n_stack)
 
@@ -109,6 +118,7 @@ def walk_again(tree, rays, ray, room, begin, end, x, y, r, i, counts):
     # Bits of the levels where the far child is still to be visited, and where it is being visited; the root's is highest
     waiting = going_far = np.int64(0)
     n_stack = top = 0
+    found = NO_HIT
     node, bit = 0, _ROOT_BIT
     root, root_bit, root_begin, root_end, alone = node, bit, begin, end, room > 0
     while True:
@@ -142,10 +152,11 @@ def walk_again(tree, rays, ray, room, begin, end, x, y, r, i, counts):
             axis = link & 3
         if counts is not None:
             increment(counts, "leaves", i)
-        if _hits_leaf(tree, rays, node, x, y, r, i, counts):
+        found = max(found, _hits_leaf(tree, rays, node, end, x, y, r, i, counts))
+        if found == HIT:
             return True
         if waiting == 0:
-            return False
+            return found == DEFERRED
         # The deepest far child that waits is next
         bit = waiting & -waiting
         waiting ^= bit

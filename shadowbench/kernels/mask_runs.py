@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.jit import kernel
+from shadowbench.jit import allocating_kernel, kernel
 
 
 class MaskRuns(NamedTuple):
@@ -29,7 +29,7 @@ class MaskRuns(NamedTuple):
     pieces: NDArray[np.int64]
 
 
-@kernel
+@allocating_kernel
 def find_runs(mask, first_row, last_row, spans_per_row):
     """List the runs of some rows of a mask; bool (0, 0) has none.
 

@@ -11,7 +11,7 @@ two of them, nor the rounding error of such a product, overflows or becomes subn
 
 import numpy as np
 
-from shadowbench.jit import kernel
+from shadowbench.jit import allocating_kernel, kernel
 
 _HALF_ULP = 2.0**-53
 ORIENT_ERROR_BOUND = (3.0 + 16.0 * _HALF_ULP) * _HALF_ULP
@@ -60,7 +60,7 @@ def _difference_error(a, b):
     return two_sum(a, -b)[1]
 
 
-@kernel
+@allocating_kernel
 def orient2d_exact(ax, ay, bx, by, cx, cy):
     """Sign of orient2d without rounding."""
     # Shortcut for points on a line at coordinates of few bits: exact differences with equal rounded products

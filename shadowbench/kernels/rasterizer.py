@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.binning import N_BANDS, fill_bins, rows_per_band
 from shadowbench.kernels.orientation import orient2d
 from shadowbench.kernels.projection import N_WORKERS, FloatArray, View, project
@@ -72,7 +72,7 @@ def empty_counts(view: View) -> RasterCounts:
 
 
 def rasterize(view: View, vertices: FloatArray, triangles: NDArray[np.int32], target: Target,
-              counts: RasterCounts | None = None) -> None:
+              counts: RasterCounts | None = None, behind: Target | None = None) -> None:
     """Draw triangles into `target`, on top of what it holds.
 
     Parameters
@@ -82,21 +82,22 @@ def rasterize(view: View, vertices: FloatArray, triangles: NDArray[np.int32], ta
     triangles : int32 (n_triangles, 3).
     target : updated in place.
     counts : increased in place, or None for the build without counting.
+    behind : draw only what lies behind these surfaces, or at the same depth with a greater triangle index; None for all.
     """
     if len(triangles) == 0:
         return
     mesh = project(view, vertices, triangles)
-    _draw_bands(view, mesh, fill_bins(view, mesh), target, counts)
+    _draw_bands(view, mesh, fill_bins(view, mesh), target, counts, behind)
 
 
 @parallel_kernel
-def _draw_bands(view, mesh, bins, target, counts):
+def _draw_bands(view, mesh, bins, target, counts, behind):
     for worker in prange(N_BANDS):
-        _draw_band((worker * _BAND_STRIDE) % N_BANDS, view, mesh, bins, target, counts)
+        _draw_band((worker * _BAND_STRIDE) % N_BANDS, view, mesh, bins, target, counts, behind)
 
 
-@kernel
-def _draw_band(band, view, mesh, bins, target, counts):
+@allocating_kernel
+def _draw_band(band, view, mesh, bins, target, counts, behind):
     """Draw all triangles of one band, in the order of their indices."""
     n_rows = rows_per_band(view)
     first_row = band * n_rows
@@ -106,11 +107,11 @@ def _draw_band(band, view, mesh, bins, target, counts):
     entry, end = bins.offset[band, 0], bins.offset[band, N_WORKERS]
     while entry < end:
         entry, n_pieces = set_up_pieces(entry, end, first_row, last_row, view, mesh, bins, polygon, pieces)
-        _draw_pieces(n_pieces, pieces, view, target, counts)
+        _draw_pieces(n_pieces, pieces, view, target, counts, behind)
 
 
 @kernel
-def _draw_pieces(n_pieces, pieces, view, target, counts):
+def _draw_pieces(n_pieces, pieces, view, target, counts, behind):
     """Draw a batch of pieces, row by row."""
     x_position, x_plane, per_unit, far = view.x_position, view.x_plane, view.x_per_unit, view.far
     y_position, y_plane, depths, triangles = view.y_position, view.y_plane, target.depth, target.triangle
@@ -154,6 +155,11 @@ def _draw_pieces(n_pieces, pieces, view, target, counts):
                     depth = farthest
                 if counts is not None:
                     counts.fragments[row, column] += 1
+                if behind is not None:
+                    # Depth peeling: surfaces in order of depth, then of index
+                    limit = behind.depth[row, column]
+                    if depth < limit or (depth == limit and owner[piece] <= behind.triangle[row, column]):
+                        continue
                 if depth <= far and depth < depths[row, column]:
                     depths[row, column] = depth
                     triangles[row, column] = owner[piece]

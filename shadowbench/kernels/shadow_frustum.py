@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.culling_planes import (
     EDGES,
     OUTLINE_EDGES,
@@ -162,7 +162,7 @@ def _unit(v):
     return scaled(v, 1.0 / length if length > 0.0 else 0.0), length
 
 
-@kernel
+@allocating_kernel
 def _frusta_part(corners, sides, view, eye_edges, wedge_planes, frusta, worker):
     """Write the rows of a share of the frusta.
 

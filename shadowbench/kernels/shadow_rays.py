@@ -14,6 +14,9 @@ rounded side plane is turned by at most 8 u |r| |e| / |m| and, with the rows' ow
 the edge, as the planes meet at the sine |e| h / |m|; and at most that over the sine of half the smallest angle, which
 is at least |e x f| / 2 |e| |f| for the two longest edges, from the triangle. `LOOSE` triangles are those for which
 this may exceed one grid unit: seen almost edge-on, or needles. Every ray is tested against each of them.
+
+**Where a ray meets a triangle's plane** follows from the cap plane's row (`crossing`), to within some 20 u W |r| / h along
+the ray: for triangles that are not loose a quarter of a grid unit at most.
 """
 
 from typing import NamedTuple
@@ -42,6 +45,9 @@ MARGIN = 2.0
 """Grid units by which cells are widened for rays: 1 for what the test can say beyond the truth, `CLIP_MARGIN` for the
 tree, and the rest for rounding within the grid. It is a 2^23rd of the scene, a hundredth of the usual bias."""
 
+PARALLEL_LENGTH = 2.0
+"""Length of a directional light's rays, relative to the frame's reach: from outside the scene to any sample."""
+
 FAR_ROUNDING = 64.0 * 2.0**-53
 """Rounding of a ray, relative to the distances of eye and light, which may lie far outside the grid."""
 
@@ -54,17 +60,20 @@ class ShadowRays(NamedTuple):
     rows : float64 (n_triangles, ROW_SIZE), values a, b, d and c of each triangle's four planes; those of triangles
         that cast nothing are outside everywhere.
     loose : int64 (n_loose,), triangles to be tested against every ray.
+    is_loose : bool (n_triangles,), the same.
     sides : int8 (n_triangles,), from `find_facing`: zero for triangles that cast nothing.
     plane_x, plane_y, depth : float64 (n_samples,), the samples as the test sees them.
     target : float64 (n_samples, 3), the samples relative to `origin`, world axes.
     origin : float64 (3,), world: the light, or the scene's centre for a directional light.
     travel : float64 (3,), unit vector along a directional light's rays; zero for a point light.
+    start_view : float64 (4,), view space: the light and 1, or the way from any sample to the start of its ray and 0.
     bias : world distance.
     reach : world distance that bounds those between light (if it is a point), eye and the scene's farthest corner.
     """
 
     rows: np.ndarray
     loose: np.ndarray
+    is_loose: np.ndarray
     sides: np.ndarray
     plane_x: np.ndarray
     plane_y: np.ndarray
@@ -72,6 +81,7 @@ class ShadowRays(NamedTuple):
     target: np.ndarray
     origin: np.ndarray
     travel: np.ndarray
+    start_view: np.ndarray
     bias: float
     reach: float
 
@@ -107,8 +117,12 @@ def make_shadow_rays(mesh_corners, bounds, camera, light, bias, samples):
     _fill_rows(mesh_corners, light, frusta, _LOOSE * near * GRID / max(largest, np.finfo(float).tiny), rows, loose)
     target = np.zeros((len(samples.depth), 3))
     _find_targets(*camera, origin, samples, target)
-    return ShadowRays(rows, np.flatnonzero(loose), sides, samples.plane_x, samples.plane_y, samples.depth, target, origin,
-                      travel, bias, near + _length(origin - centre))
+    reach = near + _length(origin - centre)
+    start = light[:3] - eye if light[3] else -travel * (PARALLEL_LENGTH * reach)
+    right, up, forward = camera[1:]
+    start_view = np.array([*(v[0] * start[0] + v[1] * start[1] + v[2] * start[2] for v in (right, up, forward)), light[3]])
+    return ShadowRays(rows, np.flatnonzero(loose), loose, sides, samples.plane_x, samples.plane_y, samples.depth, target,
+                      origin, travel, start_view, bias, reach)
 
 
 _OUTSIDE = np.repeat([0.0, 0.0, 1.0, 0.0], 4)
@@ -215,3 +229,24 @@ def _load(builder, data, offset):
 def is_shadowed_by(rays, t, x, y, r):
     """Tell whether a sample is in the shadow frustum of triangle t."""
     return _inside_all(rays, t, x, y, r)
+
+
+@kernel
+def crossing(rays, t, x, y, r):
+    """Where the ray to a sample meets the plane of a triangle that shadows it.
+
+    Returns
+    -------
+    A share of the way from the light, or from the ray's start, to the sample; infinite for loose triangles, of which
+    the planes do not tell.
+    """
+    if get(rays, "is_loose", t):
+        return np.inf
+    first, depth, w = ROW_SIZE * t + CAP_ROW, 1.0 / r, get(rays, "start_view", 3)
+    a, b, d, c = (get(rays, "rows", first), get(rays, "rows", first + 4), get(rays, "rows", first + 8),
+                  get(rays, "rows", first + 12))
+    # Heights above the sample, in the row's own scale: of the triangle's plane, and of the ray's start
+    plane = np.sqrt(a * a + b * b + d * d) * rays.bias - (a * x + (b * y + d) + c * r) * depth
+    start = (a * (get(rays, "start_view", 0) - w * x * depth) + b * (get(rays, "start_view", 1) - w * y * depth)
+             + d * (get(rays, "start_view", 2) - w * depth))
+    return 1.0 - plane / start

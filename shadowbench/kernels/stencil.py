@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.mask_runs import cut_spans, find_runs
 from shadowbench.kernels.orientation import orient2d
 from shadowbench.kernels.shadow_volumes import N_WORKERS
@@ -269,7 +269,7 @@ def _draw_face(face, first_row, last_row, view, faces, z_fail, target, limits, m
         _draw_checked(face, spans, n_spans, sign, view, faces, z_fail, target, mask, depths, counts, entry)
 
 
-@kernel
+@allocating_kernel
 def _draw_band(band, view, faces, bins, z_fail, target, limits, mask, counts):
     """Draw all faces of one band."""
     n_rows = band_rows(len(view.down))

@@ -7,7 +7,7 @@ are walked by themselves, and skip what these have shadowed.
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.group_frustum import GROUP_EYE_ROW, GROUP_ROW_SIZE
 from shadowbench.kernels.lanes import (
     LANES,
@@ -52,7 +52,7 @@ def _test_root(tree, groups, alive):
         _root_part(tree, groups, alive, worker)
 
 
-@kernel
+@allocating_kernel
 def _walk_groups(tree, frusta, groups, planes, alive_at_root, depth, shadow, worker, counts):
     """Walk all groups through the root's child `worker`."""
     root, level, last = tree.levels[0], tree.levels[1], len(tree.levels) - 1

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.lanes import (
     LANES,
     classify_boxes,
@@ -66,7 +66,8 @@ def _root_part(tree, frusta, planes, tests, worker):
 
 
 @parallel_kernel
-def _test_root(tree, frusta, planes, tests):
+def test_root(tree, frusta, planes, tests):
+    """Test the root's children against all frusta."""
     for worker in prange(N_WORKERS):
         _root_part(tree, frusta, planes, tests, worker)
 
@@ -140,7 +141,7 @@ def _push_root_child(tree, shadow, tests, planes, k, worker, stack):
     return 0
 
 
-@kernel
+@allocating_kernel
 def _traverse_tile(tree, frusta, planes, tests, depth, shadow, worker, counts):
     """Walk all frusta through the root's child `worker`.
 
@@ -246,7 +247,7 @@ def traverse(tree, frusta, n_frusta, planes, depth, shadow, counts):
     if n_frusta == 0 or tree.occupied[0] == 0:
         return
     tests = RootTests(np.empty(n_frusta, np.uint64), np.empty(n_frusta, np.uint64))
-    _test_root(tree, frusta, planes, tests)
+    test_root(tree, frusta, planes, tests)
     n_tiles = int(tree.levels[0]["grid_x"]) * int(tree.levels[0]["grid_y"])
     _traverse_tiles(n_tiles, tree, frusta, planes, tests, depth, shadow, counts)
     if counts is not None:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.jit import kernel
+from shadowbench.jit import allocating_kernel, kernel
 from shadowbench.kernels.binning import first_at_or_after, last_at_or_before
 from shadowbench.kernels.orientation import orient2d
 from shadowbench.kernels.projection import FloatArray, clip_near
@@ -41,7 +41,7 @@ class Pieces(NamedTuple):
     plane: FloatArray
 
 
-@kernel
+@allocating_kernel
 def empty_pieces():
     """Make room for a batch."""
     return Pieces(np.empty(BATCH, np.int64), np.empty((BATCH, 4), np.int64), np.empty((BATCH, 3, 5)),

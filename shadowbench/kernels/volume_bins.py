@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.shadow_volumes import N_WORKERS
 from shadowbench.kernels.volume_faces import Faces
 
@@ -74,7 +74,7 @@ def _count_chunk(worker, n_rows, faces, limits, counted):
                 counted[band, worker] += 1
 
 
-@kernel
+@allocating_kernel
 def _scatter_chunk(worker, n_rows, faces, limits, bins):
     """Write one worker's faces into the bands."""
     rows_per_band = band_rows(n_rows)

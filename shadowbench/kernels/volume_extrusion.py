@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.kernels.edges import EdgeAdjacency
 from shadowbench.kernels.shadow_volumes import N_WORKERS, Casters, cap_plane, chunk, side_plane
 from shadowbench.kernels.volume_faces import AT_INFINITY, Faces, Scratch, project_face, set_plane
@@ -140,7 +140,7 @@ def _add_face(view, scratch, scene, face, faces, slot):
     return slot + 1
 
 
-@kernel
+@allocating_kernel
 def _make_chunk(worker, view, adjacency, light, casters, multiplicity, bias, kind, faces):
     """Make one worker's share of the faces."""
     # Parallel loops take no records of records, so the scene is put together here

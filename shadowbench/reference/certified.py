@@ -126,7 +126,7 @@ def certified_shadows(
         If an input is not finite or out of range.
     """
     with stage("setup"):
-        corners, light, positions, tie_distance, casters = _checked(
+        corners, light, positions, tie_distance, casters = checked(
             corners, light, positions, bias, tie_distance, casters)
         floor = min(bias_floor(corners, positions), bias)
         biases = np.array([floor, bias, 2.0 * bias])
@@ -139,7 +139,7 @@ def certified_shadows(
     if space is None or tree is None:
         heat = np.zeros(len(positions), np.int64) if counting else None
         return _result(flags, heat, Statistics())
-    search = _Search(tree, space, biases, counting, stage)
+    search = Search(tree, space, biases, counting, stage)
     size = max(1, min(LARGEST_BATCH, LIST_ENTRIES // search.n_work))
     for start in range(0, len(corners), size):
         search.add_triangles(corners[start:start + size], casters[start:start + size])
@@ -152,7 +152,7 @@ def certified_shadows(
     return _result(flags, heat, search.statistics())
 
 
-def _checked(
+def checked(
     corners: Any, light: Any, positions: Any, bias: float, tie: Any, casters: Any
 ) -> tuple[Any, ...]:
     """Bring the inputs into shape, or say what is wrong with them."""
@@ -188,7 +188,7 @@ def _result(
     return ReferenceResult(shadow, np.where(shadow, ~sure, near), flags, heat, statistics)
 
 
-class _Search:
+class Search:
     """All triangles, batch by batch, against one light tree."""
 
     def __init__(self, tree: LightTree, space: LightSpace, biases: NDArray[np.float64], counting: bool,
@@ -220,7 +220,7 @@ class _Search:
             lists, ends = self._deal(frusta, corners)
         while True:
             with self.stage("traversal"):
-                walk(self.tree, frusta, corners, self.space, self.biases, lists, ends, self.work, self.counts)
+                self._walk(frusta, corners, lists, ends)
             with self.stage("exact"):
                 self._settle(frusta, corners)
             if np.all(self.work.next_item == ends):
@@ -241,6 +241,10 @@ class _Search:
         self.work.next_item[:] = starts[0]
         deal(*arguments, starts, lists, self.counts)
         return lists, np.ascontiguousarray(ends[:, -1])
+
+    def _walk(self, frusta: Frusta, corners: NDArray[np.float64], lists: NDArray[np.int32], ends: NDArray[np.int64]) -> None:
+        """Walk all lists, as far as the buffers of undecided pairs reach."""
+        walk(self.tree, frusta, corners, self.space, self.biases, lists, ends, self.work, self.counts)
 
     def _settle(self, frusta: Frusta, corners: NDArray[np.float64]) -> None:
         """Settle the pairs that still matter in rational arithmetic, and empty the buffers."""

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.reference.light_space import map_to_light_space
 
 LEAF_SAMPLES = 16
@@ -69,7 +69,7 @@ def _spread(bits):
     return (bits | (bits << 1)) & 0x55555555
 
 
-@kernel
+@allocating_kernel
 def _face_bounds(coordinate, faces):
     """Smallest and largest x and y per face, float64 (6, 2) each, and samples per face, int64 (6,)."""
     low, high, count = np.full((6, 2), np.inf), np.full((6, 2), -np.inf), np.zeros(6, np.int64)
@@ -86,7 +86,7 @@ def _face_bounds(coordinate, faces):
     return low, high, count
 
 
-@kernel
+@allocating_kernel
 def _sort_keys(coordinate, faces, low, scale):
     """Sort key of each kept sample: face, then Morton code of x and y quantised in the face's box; and its
     index."""
@@ -110,7 +110,7 @@ def _sort_keys(coordinate, faces, low, scale):
     return keys, indices
 
 
-@kernel
+@allocating_kernel
 def _radix_pass(keys, indices, shift):
     """Sort stably by `RADIX_BITS` bits of the keys; return sorted copies of both."""
     mask = (1 << RADIX_BITS) - 1

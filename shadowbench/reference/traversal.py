@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.jit import kernel, parallel_kernel, prange
+from shadowbench.jit import allocating_kernel, kernel, parallel_kernel, prange
 from shadowbench.reference.face_planes import (
     ACCEPT,
     REFINE,
@@ -66,7 +66,7 @@ class WalkCounts(NamedTuple):
     heat: np.ndarray
 
 
-@kernel
+@allocating_kernel
 def _deal_block(tree, frusta, corners, space, biases, finished, reached, lists, block, counts):
     """Find the work nodes that one block of triangles may reach; see `deal`."""
     # Arrays are taken from their records once: doing so in the loop counts references.
@@ -160,7 +160,7 @@ def _look_closer(tree, corners, facing, t, light, biases, work, w, n_pairs, i):
     return 1
 
 
-@kernel
+@allocating_kernel
 def _walk_work_node(tree, frusta, corners, space, biases, lists, ends, work, w, counts):
     """Walk the list of one work node until it ends or its pair buffer may overflow.
 

@@ -5,7 +5,7 @@ Heat maps share one fixed logarithmic colour scale, so two of them can be compar
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
 from pathlib import Path
@@ -17,6 +17,7 @@ from shadowbench import image_io
 from shadowbench.accuracy import ErrorClass
 from shadowbench.algorithms.base import ShadowBuffer
 from shadowbench.geometry import Frame, dot
+from shadowbench.surfaces import base_color, surface_opacity, surface_transmittance
 from shadowbench.view_samples import resolve_to_pixels
 
 HEAT_COLORS = "inferno"
@@ -55,14 +56,14 @@ def write_gbuffer(folder: Path, frame: Frame) -> Path:
     return folder / "gbuffer.exr"
 
 
-def write_shadow_pictures(folder: Path, frame: Frame, buffer: ShadowBuffer, errors: NDArray[np.uint32],
+def write_shadow_pictures(folder: Path, frame: Frame, buffers: Sequence[ShadowBuffer], errors: NDArray[np.uint32],
                           heat: NDArray[np.int64] | None, title: str) -> dict[str, Path]:
     """Write ``shadow.exr`` and every PNG of one algorithm.
 
     Parameters
     ----------
     folder : where to write.
-    frame, buffer : the frame and the algorithm's answer.
+    frame, buffers : the frame and the algorithm's answer for each of its layers; errors and shadow are of the first.
     errors : `ErrorClass` per sample.
     heat : tests per sample, or None.
     title : text of the legends.
@@ -71,7 +72,7 @@ def write_shadow_pictures(folder: Path, frame: Frame, buffer: ShadowBuffer, erro
     -------
     Paths by the kind of picture.
     """
-    shape = (frame.samples.rows, frame.samples.columns)
+    buffer, shape = buffers[0], (frame.samples.rows, frame.samples.columns)
     tests = np.zeros(shape, np.uint32) if heat is None else heat.reshape(shape)
     channels = {"shadow": buffer.shadow.reshape(shape), "tests": tests, "error": errors.reshape(shape)}
     jobs: dict[str, Callable[[], None]] = {
@@ -80,8 +81,8 @@ def write_shadow_pictures(folder: Path, frame: Frame, buffer: ShadowBuffer, erro
     def add(name: str, make: Callable[[], Pixels]) -> None:
         jobs[name] = lambda: image_io.write_png(folder / name, make())
 
-    add("shaded.png", lambda: shaded(frame, buffer.shadow))
-    add("shadow.png", lambda: shadow_mask(frame, buffer.shadow))
+    add("shaded.png", lambda: shaded(frame, buffers))
+    add("shadow.png", lambda: shadow_mask(frame, buffer))
     add("error.png", lambda: error_map(frame, errors, title))
     if heat is not None:
         add("heatmap.png", lambda: heat_map(frame, heat, title))
@@ -93,21 +94,35 @@ def write_shadow_pictures(folder: Path, frame: Frame, buffer: ShadowBuffer, erro
     return {name.replace(".", "_"): folder / name for name in jobs}
 
 
-def shaded(frame: Frame, shadow: NDArray[np.float32]) -> Pixels:
-    """Lambert shading with the given shadows, uint8 (height, width, 3)."""
-    return to_srgb(_pixels(_lambert(frame, shadow), frame))
+def shaded(frame: Frame, buffers: Sequence[ShadowBuffer]) -> Pixels:
+    """Lambert shading with the given shadows, layers composited from the front, uint8 (height, width, 3)."""
+    seen: Floats = np.zeros((len(frame.samples.depth), 3))
+    through: Floats = np.ones((len(frame.samples.depth), 3))
+    for k, (layer, buffer) in enumerate(zip(frame.layers, buffers, strict=True)):
+        color, shown = _lambert(layer, _arriving(buffer)), layer.samples.triangle >= 0
+        if k + 1 == frame.image.layers:
+            return to_srgb(_pixels(seen + through * color, frame))
+        mesh, triangles, points = layer.mesh, layer.samples.triangle, layer.samples.position
+        seen = seen + through * np.where(shown, surface_opacity(mesh, triangles, points), 0.0)[:, None] * color
+        through = through * np.where(shown[:, None], surface_transmittance(mesh, triangles, points), 1.0)
+    return to_srgb(_pixels(seen + through * np.array(BACKGROUND) ** 2, frame))
 
 
-def _lambert(frame: Frame, shadow: NDArray[np.float32]) -> Floats:
+def _arriving(buffer: ShadowBuffer) -> Floats:
+    """Shares of light that arrive, (n_samples, 1) or (n_samples, 3)."""
+    return (1.0 - buffer.shadow)[:, None] if buffer.arriving is None else buffer.arriving
+
+
+def _lambert(frame: Frame, arriving: Floats) -> Floats:
     """Linear RGB per sample, float (n_samples, 3)."""
     s, light = frame.samples, frame.light.xyzw()
     to_light = light[:3] - light[3] * s.position
     lengths = np.sqrt(dot(to_light, to_light))
     facing = np.maximum(dot(s.normal, to_light) / np.where(lengths > 0, lengths, 1.0), 0.0)
-    direct = np.where(s.candidate, facing * (1.0 - shadow), 0.0)
-    colors = np.array([m.color for m in frame.mesh.materials], np.float64)[frame.mesh.material[s.triangle]]
-    sky = 0.5 + 0.5 * s.normal[:, 1]                # a soft fill light from above keeps unlit shapes readable
-    color = colors * (AMBIENT * (0.4 + 0.6 * sky) + (1.0 - AMBIENT) * direct)[:, None]
+    direct = np.where(s.candidate[:, None], facing[:, None] * arriving, 0.0)
+    colors = base_color(frame.mesh, s.triangle, s.position)
+    sky = 0.5 + 0.5 * s.normal[:, 1:2]              # a soft fill light from above keeps unlit shapes readable
+    color = colors * (AMBIENT * (0.4 + 0.6 * sky) + (1.0 - AMBIENT) * direct)
     return np.where((s.triangle >= 0)[:, None], color, np.array(BACKGROUND) ** 2)
 
 
@@ -117,17 +132,17 @@ def _pixels(values: Floats, frame: Frame) -> Floats:
     return resolved
 
 
-def shadow_mask(frame: Frame, shadow: NDArray[np.float32]) -> Pixels:
+def shadow_mask(frame: Frame, buffer: ShadowBuffer) -> Pixels:
     """The shadow buffer: white lit, black in shadow, grey facing away from the light, blue-grey background."""
     s = frame.samples
-    mask = np.repeat((1.0 - shadow)[:, None], 3, axis=1).astype(np.float64)
+    mask = np.broadcast_to(_arriving(buffer), (len(s.depth), 3)).astype(np.float64)
     mask[~s.candidate] = 0.18
     mask[s.triangle < 0] = np.array(BACKGROUND) ** 2
     return to_srgb(_pixels(mask, frame))
 
 
 @cache
-def _heat_ramp() -> Pixels:
+def heat_ramp() -> Pixels:
     """sRGB colours of the heat map's scale; the first is the colour of no test at all."""
     return to_srgb(image_io.color_ramp(HEAT_COLORS, 256))
 
@@ -136,7 +151,7 @@ def heat_map(frame: Frame, heat: NDArray[np.int64], title: str) -> Pixels:
     """Tests per pixel on the shared scale, with a legend below the picture."""
     tests = resolve_to_pixels(heat, frame.image)
     level = np.log2(1.0 + tests) / np.log2(1.0 + HEAT_LIMIT)
-    picture = _heat_ramp()[np.minimum(level * 255.0, 255.0).astype(np.int64)]
+    picture = heat_ramp()[np.minimum(level * 255.0, 255.0).astype(np.int64)]
     return np.concatenate([picture, _heat_legend(picture.shape[1], title, int(tests.sum()), float(tests.mean()))])
 
 
@@ -145,7 +160,7 @@ def _heat_legend(width: int, title: str, total: int, mean: float) -> Pixels:
     strip = np.full((LEGEND_ROWS, width, 3), 24, np.uint8)
     left, right = 8, max(width - 8, 9)
     levels = np.linspace(0, 255, right - left).astype(np.int64)
-    strip[4:16, left:right] = _heat_ramp()[levels][None]
+    strip[4:16, left:right] = heat_ramp()[levels][None]
     if width < 320:                                  # no room for text
         return strip
     for power in range(0, 13, 2):
@@ -157,7 +172,7 @@ def _heat_legend(width: int, title: str, total: int, mean: float) -> Pixels:
 
 def error_map(frame: Frame, errors: NDArray[np.uint32], title: str) -> Pixels:
     """Mismatches over the dimmed scene, each grown to 3x3 pixels so that a single one can be seen."""
-    dim = 0.25 * _pixels(_lambert(frame, np.zeros(len(errors), np.float32)), frame).mean(axis=-1, keepdims=True)
+    dim = 0.25 * _pixels(_lambert(frame, np.ones((len(errors), 1))), frame).mean(axis=-1, keepdims=True)
     picture = np.repeat(dim, 3, axis=-1)
     counts = {}
     for kind in (ErrorClass.EDGE_TIE, ErrorClass.FALSE_LIGHT, ErrorClass.FALSE_SHADOW):
@@ -166,6 +181,26 @@ def error_map(frame: Frame, errors: NDArray[np.uint32], title: str) -> Pixels:
         grown = _grow(resolve_to_pixels(hit.astype(np.int64), frame.image) > 0)
         picture[grown] = np.array(ERROR_COLORS[kind]) ** 2.2
     return np.concatenate([to_srgb(picture), _error_legend(picture.shape[1], title, counts)])
+
+
+def antialiasing_map(frame: Frame, darker: NDArray[np.float64]) -> Pixels:
+    """Where derivative antialiasing differs from supersampling, over the dimmed scene.
+
+    Parameters
+    ----------
+    darker : float64 (height, width), how much darker it makes a pixel.
+    """
+    picture = 0.25 * _pixels(_lambert(frame, np.ones((len(frame.samples.depth), 1))), frame).mean(axis=-1, keepdims=True)
+    picture = np.repeat(picture, 3, axis=-1)
+    for kind, share in ((ErrorClass.FALSE_SHADOW, darker), (ErrorClass.FALSE_LIGHT, -darker)):
+        share = np.clip(share, 0.0, 1.0)[..., None] ** 0.5
+        picture = picture * (1.0 - share) + share * np.array(ERROR_COLORS[kind]) ** 2.2
+    strip = np.full((LEGEND_ROWS, picture.shape[1], 3), 24, np.uint8)
+    if picture.shape[1] >= 320:
+        text = (f"derivative antialiasing against supersampling: {int(np.count_nonzero(darker > 0)):,} pixels darker (red), "
+                f"{int(np.count_nonzero(darker < 0)):,} lighter (blue)")
+        strip = image_io.draw_text(strip, 8, 26, text, 11)
+    return np.concatenate([to_srgb(picture), strip])
 
 
 def _grow(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

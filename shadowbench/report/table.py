@@ -27,13 +27,17 @@ def summary_row(cell: CellResult) -> tuple[str, ...]:
 
 
 def format_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Align columns: the first two to the left, numbers to the right, the last (a remark) to the left."""
+    """Align columns: the second and the last (a remark) to the left, numbers to the right."""
+    return align(header, rows, (1, len(header) - 1))
+
+
+def align(header: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int]) -> str:
+    """Align columns: those numbered in `left` to the left, the others to the right."""
     table = [tuple(header), *[tuple(row) for row in rows]]
     widths = [max(len(row[i]) for row in table) for i in range(len(header))]
-    last = len(header) - 1
 
     def line(row: tuple[str, ...]) -> str:
-        cells = [text.ljust(width) if i in (1, last) else text.rjust(width)
+        cells = [text.ljust(width) if i in left else text.rjust(width)
                  for i, (text, width) in enumerate(zip(row, widths, strict=True))]
         return "  ".join(cells).rstrip()
 

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.errors import InputError
 from shadowbench.geometry import FloatArray, Material, Mesh, Vector
 from shadowbench.scene_models import GenerateEntry, MaterialConfig, MeshEntry, Placement
 from shadowbench.scenes import SCENES
 from shadowbench.scenes.meshes import check_vertices, load_mesh
 from shadowbench.scenes.paths import Pose, pose_at
 from shadowbench.scenes.procedural import ProceduralScene
+from shadowbench.scenes.textures import check_texture_coordinates, load_texture
 from shadowbench.scenes.transforms import Matrix, multiply, rotation, scaling, transform_points, translation
 
 
@@ -61,7 +61,7 @@ def load_body(entry: Placement, n_frames: int, folder: Path) -> tuple[Body, Proc
     -------
     body : the geometry.
     generated : what brings a default camera and light, or None for a mesh file.
-    digests : sha256 of the file, or of the generator's name and parameters.
+    digests : sha256 of the file, or of the generator's name and parameters; and of each texture that is a file.
     """
     generated: ProceduralScene | None = None
     if isinstance(entry, MeshEntry):
@@ -77,9 +77,8 @@ def load_body(entry: Placement, n_frames: int, folder: Path) -> tuple[Body, Proc
         digests = {label: hashlib.sha256(label.encode()).hexdigest()}
     if entry.material is not None:
         mesh = replace(mesh, materials=tuple(_override(m, entry.material) for m in mesh.materials))
-        if entry.material.alpha_texture is not None and mesh.uv is None:
-            raise InputError("the geometry has no texture coordinates for the alpha_texture: remove it, or give the "
-                             "mesh texture coordinates")
+        check_texture_coordinates(mesh, "the geometry")
+    digests |= _texture_digests(mesh, folder)
     moments, poses = _key_frames(entry, n_frames)
     placed = multiply(rotation(entry.rotate), scaling(entry.scale))
     return Body(mesh, placed, entry.translate, moments, poses), generated, digests
@@ -93,9 +92,19 @@ def _relative(file: str, folder: Path) -> str:
         return file
 
 
+def _texture_digests(mesh: Mesh, folder: Path) -> dict[str, str]:
+    """sha256 of the image files that the materials use."""
+    names = {texture.name for m in mesh.materials for texture in (m.alpha_texture, m.color_texture) if texture}
+    return {_relative(name, folder): hashlib.sha256(Path(name).read_bytes()).hexdigest()
+            for name in sorted(names) if Path(name).is_file()}
+
+
 def _override(material: Material, given: MaterialConfig) -> Material:
     """Replace what an entry's ``material`` says about a surface."""
-    return replace(material, **given.model_dump(exclude_none=True))
+    said = given.model_dump(exclude_none=True)
+    for key in {"alpha_texture", "color_texture"} & set(said):
+        said[key] = load_texture(said[key], needs_alpha=key == "alpha_texture")
+    return replace(material, **said)
 
 
 def _key_frames(entry: Placement, n_frames: int) -> tuple[tuple[float, ...], tuple[Pose, ...]]:

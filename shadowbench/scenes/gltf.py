@@ -10,9 +10,9 @@ import json
 import struct
 from pathlib import Path
 from typing import Any, NamedTuple
-from urllib.parse import unquote
 
 from shadowbench.geometry import Material
+from shadowbench.scenes.gltf_textures import GltfFile
 from shadowbench.scenes.transforms import (
     IDENTITY,
     Matrix,
@@ -44,13 +44,13 @@ class GltfHeader(NamedTuple):
     materials: dict[str, Material]
 
 
-def read_gltf(data: bytes, folder: Path) -> GltfHeader:
+def read_gltf(data: bytes, path: Path) -> GltfHeader:
     """Read the header of a ``.gltf`` or ``.glb`` file.
 
     Parameters
     ----------
     data : the whole file.
-    folder : where the file lies, for its textures.
+    path : the file, for its textures and for messages.
 
     Raises
     ------
@@ -67,7 +67,8 @@ def read_gltf(data: bytes, folder: Path) -> GltfHeader:
         header, rest = json.loads(data), b""
     _refuse_unreadable(header)
     local = {f"node{i}": _local_transform(node) for i, node in enumerate(header.get("nodes", []))}
-    materials = {str(i): _material(m, i, header, folder) for i, m in enumerate(header.get("materials", []))}
+    file = GltfFile(header, rest, path)
+    materials = {str(i): file.material(i) for i in range(len(header.get("materials", [])))}
     text = json.dumps(_renamed(header)).encode()
     if binary:
         text += b" " * (-len(text) % 4)
@@ -96,28 +97,6 @@ def _local_transform(node: dict[str, Any]) -> Matrix:
     a, b, c = (float(v) for v in node.get("scale", (1, 1, 1)))
     turned = from_quaternion(*(float(v) for v in node["rotation"])) if "rotation" in node else IDENTITY
     return multiply(translation((x, y, z)), multiply(turned, scaling((a, b, c))))
-
-
-def _material(material: dict[str, Any], index: int, header: dict[str, Any], folder: Path) -> Material:
-    """Read a material: factors, alpha mode, and the alpha texture if it is a file of its own."""
-    surface = material.get("pbrMetallicRoughness", {})
-    red, green, blue, alpha = (min(max(float(v), 0.0), 1.0) for v in surface.get("baseColorFactor", (1, 1, 1, 1)))
-    mode = material.get("alphaMode", "OPAQUE")
-    name = str(material.get("name", f"material {index}"))
-    if mode == "OPAQUE":
-        return Material(name, (red, green, blue))
-    texture = _texture_file(surface.get("baseColorTexture"), header, folder)
-    cutoff = float(material.get("alphaCutoff", 0.5)) if mode == "MASK" else None
-    return Material(name, (red, green, blue), alpha, texture, cutoff)
-
-
-def _texture_file(reference: dict[str, Any] | None, header: dict[str, Any], folder: Path) -> str | None:
-    """Path of a texture's image; None for one that is embedded in the file."""
-    if reference is None:
-        return None
-    source = header["textures"][reference["index"]].get("source")
-    uri = None if source is None else header["images"][source].get("uri")
-    return None if uri is None or uri.startswith("data:") else str((folder / unquote(uri)).absolute())
 
 
 def _renamed(header: dict[str, Any]) -> dict[str, Any]:

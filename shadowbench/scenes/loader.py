@@ -165,7 +165,7 @@ def _build(config: SceneConfig, path: Path | None, document: Document) -> Scene:
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
     bias = BIAS_OF_DIAGONAL * mesh.diagonal() if config.bias == "auto" else float(config.bias)
-    image = ImageSize(config.image.width, config.image.height, config.image.samples)
+    image = ImageSize(**config.image.model_dump())
     scene = Scene(config.name, path, document.text, config, image, config.frames, bias, digests, tuple(bodies),
                   _camera_track(config, generated), _light_track(config, generated), {0: mesh})
     _check_frames(scene, file)

@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 from shadowbench.errors import InputError
 from shadowbench.geometry import FloatArray, Material, Mesh
 from shadowbench.scenes.gltf import read_gltf
+from shadowbench.scenes.obj_materials import obj_material
+from shadowbench.scenes.textures import check_texture_coordinates
 from shadowbench.scenes.transforms import (
     IDENTITY,
     Matrix,
@@ -119,7 +121,7 @@ def _parse(data: bytes, kind: str, path: Path) -> tuple[Any, dict[str, Matrix], 
     local: dict[str, Matrix] = {}
     materials: dict[str, Material] = {}
     if kind in (".gltf", ".glb"):
-        data, local, materials = read_gltf(data, path.parent)
+        data, local, materials = read_gltf(data, path)
     elif kind == ".obj":
         data = absolute_obj_indices(_utf8(data))
     elif kind == ".3mf" and "3mf" not in trimesh.available_formats():
@@ -201,13 +203,17 @@ def _pieces(scene: Any, local: dict[str, Matrix], materials: dict[str, Material]
         matrix = _world_transform(scene, node, local)
         surface = getattr(geometry.visual, "material", None)
         if id(surface) not in surfaces:
-            surfaces[id(surface)] = materials.get(surface.name) or _surface(surface, path) if surface else Material()
+            surfaces[id(surface)] = materials.get(surface.name) or obj_material(surface, path) if surface else Material()
         uv = getattr(geometry.visual, "uv", None)
         uv = None if uv is None or len(uv) != len(vertices) else np.asarray(uv, np.float64)[:, :2][triangles]
+        material = surfaces[id(surface)]
+        if uv is None and (material.alpha_texture or material.color_texture):
+            raise InputError(f"{path}: the material '{material.name}' has a texture, but faces without texture coordinates "
+                             "use it: export the coordinates, or take the texture out of the material")
         if determinant(matrix) < 0.0:       # a mirror turns the winding round: turn it back
             triangles = triangles[:, ::-1]
             uv = None if uv is None else uv[:, ::-1]
-        yield _Piece(transform_points(matrix, vertices), triangles, surfaces[id(surface)], uv)
+        yield _Piece(transform_points(matrix, vertices), triangles, material, uv)
 
 
 def _world_transform(scene: Any, node: str, local: dict[str, Matrix]) -> Matrix:
@@ -223,26 +229,6 @@ def _world_transform(scene: Any, node: str, local: dict[str, Matrix]) -> Matrix:
         matrix = multiply(step, matrix)
         node = parent
     return matrix
-
-
-def _surface(surface: Any, path: Path) -> Material:
-    """Read an OBJ material: Kd, d or Tr, and map_d. Other formats give their name alone."""
-    keys = getattr(surface, "kwargs", {})
-    color = np.atleast_1d(keys.get("kd", 1.0))
-    red, green, blue = (min(max(float(v), 0.0), 1.0) for v in (color if len(color) == 3 else (1.0, 1.0, 1.0)))
-    alpha = 1.0
-    if "d" in keys:
-        alpha = float(keys["d"][-1])
-    elif "tr" in keys:
-        alpha = 1.0 - float(keys["tr"][-1])
-    texture = None
-    if "map_d" in keys:
-        file = path.parent / keys["map_d"][-1].replace("\\", "/")
-        if not file.is_file():
-            raise InputError(f"{path}: material '{surface.name}' needs the texture {file}, which is missing: put it "
-                             "there, or remove map_d from the MTL file")
-        texture = str(file.absolute())
-    return Material(str(surface.name or "default"), (red, green, blue), min(max(alpha, 0.0), 1.0), texture)
 
 
 def check_vertices(vertices: FloatArray, triangles: NDArray[np.integer], where: str) -> None:
@@ -283,9 +269,11 @@ def _join(pieces: list[_Piece], path: Path) -> Mesh:
     uv = None
     if any(piece.uv is not None for piece in pieces):
         uv = np.concatenate([np.zeros((len(p.triangles), 3, 2)) if p.uv is None else p.uv for p in pieces])
-    return Mesh(
+    mesh = Mesh(
         vertices=np.where(np.isfinite(vertices), vertices, 0.0),     # vertices that no triangle uses
         triangles=np.ascontiguousarray(triangles, np.int32),
         part=np.zeros(len(triangles), np.int32),
         material=np.repeat(np.array(material, np.int32), sizes),
         materials=tuple(index), uv=uv)
+    check_texture_coordinates(mesh, str(path))
+    return mesh

@@ -1,0 +1,1 @@
+"""Compares two runs: operation counts, times with their spread, accuracy, pictures."""
