@@ -102,7 +102,7 @@ N2 = Item(
     "Wrong samples against cost, both per lit candidate: large marks are means over all scenes (squares are exact "
     "methods), small ones single scenes. All triangles cast. Times are of a CPU and of one frame without what can be "
     "prepared from the mesh alone. `fuzzy` has 50,000 triangles here.",
-    full=measurements(384, 1, FEWER), quick=measurements(96, 1, FEWEST),
+    full=measurements(256, 1, FEWER), quick=measurements(96, 1, FEWEST),
     rows=cell_rows("test_and_set", "all_work", "wrong", "lit_candidates", "seconds"),
     claims=(
         Claim("Exact methods: wrong samples on all scenes", "none", lambda rows: max(
