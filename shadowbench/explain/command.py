@@ -87,7 +87,8 @@ def _check(scene: Scene, algorithm: Algorithm, pixel: tuple[int, int] | None, tr
         raise InputError("the nearest surfaces alone can be explained: add -D image.layers=1")
     mode = getattr(algorithm.params, "transparency", "off")
     if not all(material.is_opaque for material in taken_materials(scene.mesh(frame), mode)):
-        raise InputError(f"{scene.name} has materials that let light through, and the walks know opaque casters alone: explain "
+        raise InputError(f"{scene.name} has materials that let light through, and the walks know opaque casters alone: "
+                         f"explain "
                          f"{algorithm.name} with transparency=off")
     n_triangles = scene.mesh(frame).n_triangles
     if triangle is not None and not 0 <= triangle < n_triangles:
