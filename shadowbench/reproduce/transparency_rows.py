@@ -125,7 +125,7 @@ def resolved(size: int, pixels: int, repeats: int) -> tuple[Measurement, ...]:
     both = (method(CHANCE), method(CLEAR))
     return (Measurement("alpha_tree", size, (0,), both, published_size=4096, repeats=repeats, verify=False,
                         settings=("image.samples=16",)),
-            Measurement("alpha_tree", pixels, (0,), both, images=True, settings=("image.samples=4",)))
+            Measurement("alpha_tree", pixels, (0,), both, repeats=repeats, images=True, settings=("image.samples=4",)))
 
 
 def plot_zoomed(evidence: Evidence, folder: Path) -> None:
