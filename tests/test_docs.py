@@ -90,12 +90,13 @@ def test_pictures_of_the_manual_are_small():
 
 def test_synopsis_names_real_commands_and_options():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    synopsis = next(block for block in re.findall(r"```\n(.*?)```", text, re.DOTALL) if "reproduce list|all" in block)
+    blocks = re.findall(r"^```\w*\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    synopsis = next(block for block in blocks if "shadowbench run SCENE" in block and "shadowbench check [SUITE" in block)
     words = re.split(r"shadowbench (?=[a-z])", synopsis)[1:]
     assert {part.split()[0] for part in words} == set(cli.commands)
     for part in words:
         command = cli.commands[part.split()[0]]
-        known = {option for parameter in command.params for option in parameter.opts}
+        known = {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
         used = set(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", part))
         assert used <= known, f"{part.split()[0]}: {used - known}"
 

@@ -18,17 +18,26 @@ from shadowbench.probe import Probe
 from shadowbench.scenes.loader import load_scene
 from tests.command_line import call
 
-VARIANTS = [
-    (tile_walk, Ptsv, {}), (tile_walk, Ptsv, {"branching": 8, "culling_planes": "none", "skip_shadowed": False}),
+FIRST = [(tile_walk, Ptsv, {}), (cluster_walk, Cluster, {}), (ray_walk, RayTraced, {}), (stencil_walk, ZFail, {}),
+         (stencil_walk, ZPass, {})]
+OTHERS = [
+    (tile_walk, Ptsv, {"branching": 8, "culling_planes": "none", "skip_shadowed": False}),
     (tile_walk, Ptsv, {"branching": 64, "culling_planes": "outline+wedge", "remove_unlit": False, "casters": "back_faces"}),
-    (cluster_walk, Cluster, {}), (cluster_walk, Cluster, {"leaf": "cluster", "bounds": "implicit", "passes": "one"}),
+    (cluster_walk, Cluster, {"leaf": "cluster", "bounds": "implicit", "passes": "one"}),
     (cluster_walk, Cluster, {"culling_planes": "outline", "layout": "compact", "skip_shadowed": False,
                              "remove_unlit": False}),
-    (ray_walk, RayTraced, {}), (ray_walk, RayTraced, {"traversal": "restart"}),
-    (stencil_walk, ZFail, {}), (stencil_walk, ZFail, {"extrude": "triangle", "scissor": True, "depth_bounds": True}),
-    (stencil_walk, ZPass, {}), (stencil_walk, ZPass, {"eye_count": "off"})]
-NAMES = [f"{cls.name}{n}" for n, (_, cls, _) in enumerate(VARIANTS)]
+    (ray_walk, RayTraced, {"traversal": "restart"}), (ray_walk, RayTraced, {"traversal": "short_stack"}),
+    (stencil_walk, ZFail, {"extrude": "triangle", "scissor": True, "depth_bounds": True}),
+    (stencil_walk, ZPass, {"eye_count": "off", "casters": "back_faces"})]
 
+
+def variants(cases):
+    """The methods' defaults, and their other parameters among the slow tests."""
+    return [pytest.param(*case, id=f"{case[1].name}{n}", marks=() if case in FIRST else pytest.mark.slow)
+            for n, case in enumerate(cases)]
+
+
+EVERY = variants([*FIRST, *OTHERS])
 SCENES = {"treads": ("treads", ["image.width=75", "image.height=53"]),
           "sunlit": ("sunlit_boxes", ["image.width=64", "image.height=40", "image.samples=2"]),
           "inside": ("plane_box", ["image.width=41", "image.height=33", "camera={eye: [0.1, 0.4, 0.2], target: [3, 0, 1]}"])}
@@ -56,12 +65,12 @@ def measured(scenes):
 
 
 @pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("walk, cls, params", VARIANTS, ids=NAMES)
+@pytest.mark.parametrize("walk, cls, params", EVERY)
 def test_as_many_tests_are_numbered_as_the_heat_map_says(measured, walk, cls, params, scene):
     algorithm, frame, probe, shadow = measured(cls, params, scene)
     rng = np.random.default_rng(5)
     costly = np.argsort(-probe.heat)[:200]
-    chosen = [int(costly[0]), *rng.choice(costly, 3), *rng.integers(0, len(probe.heat), 4), len(probe.heat) - 1]
+    chosen = [int(costly[0]), *rng.choice(costly, 2), *rng.integers(0, len(probe.heat), 3), len(probe.heat) - 1]
     for sample in map(int, chosen):
         trace = walk.explain_sample(algorithm, frame, sample)
         numbers = [n for n in trace.numbers() if n]
@@ -72,8 +81,7 @@ def test_as_many_tests_are_numbered_as_the_heat_map_says(measured, walk, cls, pa
             assert found == bool(shadow[sample])
 
 
-@pytest.mark.parametrize("walk, cls, params", [v for v in VARIANTS if v[1].name in BY_TRIANGLE],
-                         ids=[n for n, v in zip(NAMES, VARIANTS, strict=True) if v[1].name in BY_TRIANGLE])
+@pytest.mark.parametrize("walk, cls, params", variants([v for v in [*FIRST, *OTHERS] if v[1].name in BY_TRIANGLE]))
 def test_a_triangle_lists_its_own_count(measured, walk, cls, params):
     algorithm, frame, probe, _ = measured(cls, params, "treads")
     counts = next(iter(probe.triangle_counts.values()))
@@ -83,7 +91,7 @@ def test_a_triangle_lists_its_own_count(measured, walk, cls, params):
         assert {test.triangle for test in trace.tests} <= {triangle}
 
 
-@pytest.mark.parametrize("walk, cls, params", VARIANTS, ids=NAMES)
+@pytest.mark.parametrize("walk, cls, params", variants(FIRST))
 def test_a_scene_that_casts_nothing_has_an_empty_list(scenes, walk, cls, params):
     algorithm = cls(cls.Params(**params))
     whole = _frame(scenes["treads"], algorithm, 0)
@@ -100,8 +108,9 @@ def test_shares_are_booked_in_order():
     assert [test.share for test in trace.tests] == [0.25, 0.25, 0.25, 1.0, 1.0, 0.5, 0.0, 0.0]
     assert trace.numbers() == [0, 1, 0, 2, 3, 0, 0, 0]
     text = listing(trace)
-    assert text.count("something") == 2 and text.count("... ") == 2 and listing(trace, True).count("something") == 6
+    assert text.count("something") == 2 and text.count("... ") == 3 and listing(trace, True).count("something") == 6
     assert joined([trace], "x") is trace and joined([trace, trace], "pixel").value == 6
+    assert joined([trace, trace], "pixel").numbers() == [0, 1, 0, 2, 3, 0, 0, 0, 0, 4, 0, 5, 6, 0, 0, 0]
     assert [trace.add_shape(Shape(((0, 0), (1, 1)), "ray", title)) for title in ("a", "b", "a")] == [0, 1, 0]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from shadowbench.algorithm_specs import parse_algorithm_spec, validate_params
 from shadowbench.algorithms import ALGORITHMS
-from shadowbench.algorithms.base import Algorithm, taken_materials
+from shadowbench.algorithms.base import Algorithm, Transparency, taken_materials
 from shadowbench.errors import InputError
 from shadowbench.explain.picture import page
 from shadowbench.explain.trace import Corner, Trace, joined
@@ -85,11 +85,10 @@ def _check(scene: Scene, algorithm: Algorithm, pixel: tuple[int, int] | None, tr
         raise InputError(f"pixel {pixel[0]},{pixel[1]} is outside the image of {scene.image.width} x {scene.image.height}")
     if scene.image.layers > 1:
         raise InputError("the nearest surfaces alone can be explained: add -D image.layers=1")
-    mode = getattr(algorithm.params, "transparency", "off")
+    mode: Transparency = getattr(algorithm.params, "transparency", "off")
     if not all(material.is_opaque for material in taken_materials(scene.mesh(frame), mode)):
         raise InputError(f"{scene.name} has materials that let light through, and the walks know opaque casters alone: "
-                         f"explain "
-                         f"{algorithm.name} with transparency=off")
+                         f"explain {algorithm.name} with transparency=off")
     n_triangles = scene.mesh(frame).n_triangles
     if triangle is not None and not 0 <= triangle < n_triangles:
         raise InputError(f"{scene.name} has triangles 0 to {n_triangles - 1}, not {triangle}")

@@ -58,6 +58,7 @@ class Trace:
     value : their number as the method reports it: the heat map's value at the sample, or the triangle's count.
     shapes : what the tests looked at.
     note : how tests become that number.
+    parts : the samples of a pixel, each with shares and a rounded sum of its own; empty for one sample.
     """
 
     subject: str
@@ -65,6 +66,7 @@ class Trace:
     value: int = 0
     shapes: list[Shape] = field(default_factory=list)
     note: str = ""
+    parts: tuple[Trace, ...] = ()
     _places: dict[Shape, int] = field(default_factory=dict, repr=False)
 
     def add(self, test: Test) -> None:
@@ -92,13 +94,20 @@ class Trace:
         A shared test is booked on the sample that it completes a whole test for: shares are added up in order, and where the
         rounded sum reaches the next number, the test gets that number. So exactly `value` tests have one.
         """
+        if self.parts:
+            numbers: list[int] = []
+            before = 0
+            for part in self.parts:
+                numbers += [n + before if n else 0 for n in part.numbers()]
+                before += part.value
+            return numbers
         if not self.tests:
             return []
         # Halves round up, so that a share of 1 always reaches one number more; the sums' own rounding is taken off before
         sums = np.round(np.cumsum([test.share for test in self.tests]), 9)
         reached = np.minimum(np.floor(sums + 0.5), self.value).astype(np.int64)
-        before = np.concatenate([[0], reached[:-1]])
-        return [int(n) if n > b else 0 for n, b in zip(reached, before, strict=True)]
+        earlier = np.concatenate([[0], reached[:-1]])
+        return [int(n) if n > e else 0 for n, e in zip(reached, earlier, strict=True)]
 
 
 def joined(traces: Sequence[Trace], subject: str) -> Trace:
@@ -113,7 +122,7 @@ def joined(traces: Sequence[Trace], subject: str) -> Trace:
         raise ValueError("no samples")
     if len(traces) == 1:
         return traces[0]
-    whole = Trace(subject, note=traces[0].note)
+    whole = Trace(subject, note=traces[0].note, parts=tuple(traces))
     for trace in traces:
         places = [whole.add_shape(shape) for shape in trace.shapes]
         whole.tests += [Test(t.triangle, f"{trace.subject}: {t.place}", t.outcome, t.share,
