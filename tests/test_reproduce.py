@@ -33,7 +33,8 @@ from shadowbench.results import AccuracyRecord, CellResult, make_label
 from shadowbench.scenes import SCENES
 
 RESULTS = Path(__file__).parent.parent / "results"
-DRAWN_TWICE = ("S11.F5", "Sen.F7", "N2", "S14.C1")
+FAILING_ON_PURPOSE = ("eye_count=off", "stencil_bits=8")
+DRAWN_TWICE = ("S11.F5", "Sen.F7")
 ITEMS = pytest.mark.parametrize("item", all_items(), ids=lambda item: item.id)
 
 
@@ -67,7 +68,7 @@ def made_up(measurement):
         for method in measurement.methods:
             name, params = parse_algorithm_spec(method)
             label = make_label(name, validate_params(name, params).model_dump(exclude_defaults=True))
-            numbers = MadeUp((measurement.scene, measurement.size, measurement.triangles, frame, label))
+            numbers = MadeUp((measurement.scene, measurement.size, measurement.triangles, measurement.light, frame, label))
             levels = {"node_tests", "refinements"} | ({"fruitless_refinements"} if name == "ptsv" else set())
             cells.append(Measured(measurement, CellResult.model_construct(
                 key=label, scene=measurement.scene, frame=frame, algorithm=name, label=label, status="done", params=params,
@@ -179,7 +180,8 @@ def test_committed_results_are_whole(item):
     rows = read_csv(folder / "data.csv")
     expected = {(m.scene, m.size, frame) for m in item.full for frame in m.frames}
     assert {(row["scene"], row["size"], row["frame"]) for row in rows} == expected
-    assert all(row.get("wrong", 0) == 0 for row in rows if ALGORITHMS[row["method"].partition("+")[0]].exact)
+    assert all(row.get("wrong", 0) == 0 for row in rows if ALGORITHMS[row["method"].partition("+")[0]].exact
+               and not row["method"].endswith(FAILING_ON_PURPOSE))
     verdicts = json.loads((folder / "verdict.json").read_text())["verdicts"]
     assert [v["claim"] for v in verdicts] == [claim.text for claim in item.claims]
     unexplained = [v["claim"] for v, claim in zip(verdicts, item.claims, strict=True)

@@ -25,8 +25,7 @@ STAND_IN_FACTOR = 2.0
 """A number that hangs on the shapes of a scene holds within this factor; in part within its square."""
 
 COLORS = ("Red and blue: the map decides, shadow or light; black and green: volumes decide, shadow or light; gray: faces "
-          "away "
-          "from the light. ")
+          "away from the light. ")
 ROWS = cell_rows("wrong", "silhouette_samples", "stencil_fragments", "stencil_updates", "test_and_set")
 
 
@@ -72,8 +71,7 @@ F5_FULL = view("solids", (shadow_map(512), hybrid(256)))
 F5 = Item(
     "Ch.F5", PAPER, "A shadow map of 512 against the hybrid with a map of 256", "Figure 5",
     "Part of a cylinder's shadow. The paper filters its shadow map with 2 x 2 comparisons; ours is not filtered, so that "
-    "its "
-    "samples can be right or wrong. " + MARKED,
+    "its samples can be right or wrong. " + MARKED,
     full=(F5_FULL,), quick=smaller(F5_FULL), rows=ROWS,
     claims=(Claim("Wrong samples, hybrid at 256 over shadow map at 512", "better", wrong_ratio(hybrid(256), shadow_map(512)),
                   at_most(FEW), at_most(1.0)),),
@@ -107,9 +105,8 @@ F8_FULL = tuple(view(scene, (shadow_map(1024), hybrid(1024), VOLUMES)) for scene
 F8 = Item(
     "Ch.F8", PAPER, "Quality in three scenes: shadow map, hybrid, shadow volumes", "Figure 8; sec. 5.1",
     "Parts of one view of each scene; maps of 1024 texels along the side, or of each face of a cube where the light hangs "
-    "in "
-    "the scene (cubes, dragon cage). The paper also shows wrong self-shadowing of its maps, which the slope bias of ours "
-    "prevents. " + MARKED,
+    "in the scene (cubes, dragon cage). The paper also shows wrong self-shadowing of its maps, which the slope bias of "
+    "ours prevents. " + MARKED,
     full=F8_FULL, quick=smaller(*F8_FULL), rows=ROWS,
     claims=tuple(claim for scene in SCENES for claim in (
         Claim(f"{scene}: wrong samples, hybrid over shadow map", "minimised",
@@ -158,10 +155,8 @@ F10_FULL = view("dragon_cage", (VOLUMES, hybrid(1024)))
 F10 = Item(
     "Ch.F10", PAPER, "Dragon cage: overdraw, silhouette samples, stencil buffer", "Figure 10; sec. 5.2",
     "The view; stencil updates per pixel of shadow volumes and of the hybrid on one logarithmic scale; what decides. "
-    "Overdraw "
-    "are fragments of shadow volumes over samples of the image. The paper shades overdraw yellow and shows the stencil "
-    "buffer "
-    "by itself: black and green samples here. " + COLORS,
+    "Overdraw are fragments of shadow volumes over samples of the image. The paper shades overdraw yellow and shows the "
+    "stencil buffer by itself: black and green samples here. " + COLORS,
     full=(F10_FULL,), quick=smaller(F10_FULL), rows=ROWS,
     claims=(Claim("Overdraw of shadow volumes", "79", share("stencil_fragments", VOLUMES),
                   Range(79.0 / STAND_IN_FACTOR, 79.0 * STAND_IN_FACTOR),
@@ -171,8 +166,7 @@ F10 = Item(
                   Range(5.0 / STAND_IN_FACTOR, 5.0 * STAND_IN_FACTOR),
                   Range(5.0 / STAND_IN_FACTOR**2, 5.0 * STAND_IN_FACTOR**2), " %",
                   otherwise="The paper does not give the map's resolution here. With six maps round the light, texels are "
-                            "small "
-                  "on the screen; the share at 256 and 512 is in Ch.F11, view A"),
+                            "small on the screen; the share at 256 and 512 is in Ch.F11, view A"),
             Claim("Stencil updates, hybrid over volumes", "far below 1x", lambda rows: (
                 mean(rows, "stencil_updates", method=hybrid(1024).label)
                 / mean(rows, "stencil_updates", method=VOLUMES.label)), at_most(0.25), at_most(1.0))),

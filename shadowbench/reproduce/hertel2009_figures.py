@@ -26,8 +26,8 @@ def view(scene: str, size: int, *methods: Variant) -> Measurement:
 
 
 def smaller(*full: Measurement) -> tuple[Measurement, ...]:
-    """The same at three eighths of the size."""
-    return tuple(replace(m, size=3 * m.size // 8) for m in full)
+    """The same at three eighths of the size, and with a smaller village."""
+    return tuple(replace(m, size=3 * m.size // 8, triangles=80_000 if m.scene == "village" else 0) for m in full)
 
 
 def wrong(method: Variant, **where: str | int) -> Callable[[Sequence[Row]], float]:
@@ -41,9 +41,8 @@ F3_FULL = view("village", 1024, MAP, CONSERVATIVE, TRACED)
 F3 = Item(
     "He.F3", PAPER, "Ray-traced shadows against the hybrid with a conservative map", "Figure 3",
     "Part of the village with a shadow map, by tracing every ray, and with a conservative map, maps of 1024 texels along "
-    "the "
-    "side. The paper compares the last two by eye at 2 and 7 frames per second; ours are compared sample by sample. "
-    "" + MARKED,
+    "the side. The paper compares the last two by eye at 2 and 7 frames per second; ours are compared sample by sample. "
+    + MARKED,
     full=(F3_FULL,), quick=smaller(F3_FULL), rows=ROWS,
     claims=(Claim("Ray traced: wrong samples", "none", wrong(TRACED), at_most(0.0), at_most(0.0), ""),
             Claim("Conservative map: wrong samples", "the same accuracy", wrong(CONSERVATIVE), at_most(0.0), at_most(0.0),
@@ -81,16 +80,15 @@ def tests_saved(rows: Sequence[Row]) -> float:
 F4 = Item(
     "He.F4", PAPER, "Ray-triangle tests per sample: all rays against the conservative map", "Figure 4",
     "Brightness is the number of tests on a logarithmic scale, red are samples in shadow and green lit ones, as in the "
-    "paper; "
-    "black faces away from the light or is background. The paper does not name its scene for this figure.",
+    "paper; black faces away from the light or is background. The paper does not name its scene for this figure.",
     full=(F4_FULL,), quick=smaller(F4_FULL), rows=ROWS,
     claims=(Claim("All rays over the conservative map: triangle tests of rays", "fewer", lambda rows: (
                 mean(rows, "triangle_tests", method=TRACED.label) / mean(rows, "triangle_tests", method=CONSERVATIVE.label)),
-                at_least(1.25), at_least(1.0)),
+                at_least(1.25), at_least(1.0), otherwise="Branches finer than a texel leave nearly every sample "
+                "uncertain, so nearly all rays are cast, with shorter intervals"),
             Claim("The same, with one test of the stored triangle per sample counted", "fewer", tests_saved, at_least(1.25),
                   at_least(1.0), otherwise="Where branches are finer than a texel nearly every sample stays uncertain, so "
-                                           "the "
-                  "test of the stored triangle comes on top")),
+                                           "the test of the stored triangle comes on top")),
     plot=plot_tests)
 
 COARSE_MAP, COARSE = variant("shadow_map", resolution=32), variant("conservative_map", resolution=32)
@@ -100,9 +98,8 @@ F5_FULL = (view("slit", 768, COARSE_MAP, COARSE), view("tree_on_snow", 1024, MAP
 
 F5 = Item(
     "He.F5", PAPER, "A gap that the shadow map misses, and a tree", "Figure 5",
-    "Above: the light through a gap between two walls; the gap is a texel wide in maps of 32, where the paper's is in maps "
-    "of "
-    "1024. Below: branches on snow with maps of 1024. Left a shadow map, right a conservative map. " + MARKED,
+    "Above: the light through a gap between two walls; the gap is a texel wide in maps of 32, where the paper's is in "
+    "maps of 1024. Below: branches on snow with maps of 1024. Left a shadow map, right a conservative map. " + MARKED,
     full=F5_FULL, quick=smaller(*F5_FULL), rows=ROWS,
     claims=(Claim("Gap: samples that the shadow map darkens wrongly", "the gap is missed completely",
                   lambda rows: mean(rows, "false_shadow", scene="slit", method=COARSE_MAP.label), at_least(1.0),

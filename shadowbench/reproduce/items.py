@@ -35,6 +35,7 @@ class Measurement:
     images : True to keep the pictures.
     height : height of the image if it is not square, else 0.
     triangles : number of triangles if it is not the scene's own, else 0.
+    settings : further ``dotted.key=value`` of the scene file, such as ``image.samples=4``.
     light : position of the light if it is not the scene's own, world, else None.
     """
 
@@ -50,6 +51,7 @@ class Measurement:
     images: bool = False
     height: int = 0
     triangles: int = 0
+    settings: tuple[str, ...] = ()
     light: tuple[float, float, float] | None = None
 
     @property

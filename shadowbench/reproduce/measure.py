@@ -38,7 +38,8 @@ def this_origin() -> Origin:
 
 @cache
 def _scene(name: str, width: int, height: int, n_frames: int, triangles: int,
-           light: tuple[float, float, float] | None = None) -> tuple[Scene, float]:
+           light: tuple[float, float, float] | None = None, settings: tuple[str, ...] = ()
+           ) -> tuple[Scene, float]:
     """Load a scene; returns it with the seconds that it took."""
     start = time.perf_counter()
     changed = [f"image.width={width}", f"image.height={height}", f"frames={n_frames}"]
@@ -46,7 +47,7 @@ def _scene(name: str, width: int, height: int, n_frames: int, triangles: int,
         changed.append(f"geometry.0.triangles={triangles}")
     if light is not None:
         changed.append(f"light.position=[{', '.join(map(repr, light))}]")
-    scene = load_scene(name, changed)
+    scene = load_scene(name, [*changed, *settings])
     return scene, time.perf_counter() - start
 
 
@@ -67,7 +68,7 @@ def measure(measurements: Iterable[Measurement], store: CellStore) -> Cells:
 
 def _cells(wanted: Measurement, store: CellStore) -> list[Kept]:
     """Cells of one measurement, in the order of frames and methods."""
-    scene, seconds = _scene(wanted.scene, *wanted.shape, wanted.n_frames, wanted.triangles, wanted.light)
+    scene, seconds = _scene(wanted.scene, *wanted.shape, wanted.n_frames, wanted.triangles, wanted.light, wanted.settings)
     specs = [parse_algorithm_spec(method) for method in wanted.methods]
     cells = plan.plan_cells(scene, [(name, validate_params(name, params)) for name, params in specs], wanted.frames)
     missing = [cell for cell in cells if store.find(cell.key, wanted) is None]

@@ -80,7 +80,8 @@ def planes_claims(hierarchy: str, scene: str) -> tuple[Claim, ...]:
         Claim(f"{name}: wedge planes save operations", "none; expected above 1x",
               planes_ratio(hierarchy, "none", "wedge", scene), at_least(1.1), at_least(1.0)),
         Claim(f"{name}: outline planes need fewer operations than silhouette planes", "none; expected above 1x",
-              planes_ratio(hierarchy, "silhouette", "outline", scene), at_least(1.1), at_least(1.0)),
+              planes_ratio(hierarchy, "silhouette", "outline", scene), at_least(1.1), at_least(1.0),
+              otherwise=BESIDE if hierarchy == "cluster" else ""),
         Claim(f"{name}: outline planes need fewer operations than wedge planes", "none; expected above 1x",
               planes_ratio(hierarchy, "wedge", "outline", scene), at_least(1.1), at_least(1.0),
               otherwise=BESIDE if hierarchy == "cluster" else ""),
@@ -88,7 +89,8 @@ def planes_claims(hierarchy: str, scene: str) -> tuple[Claim, ...]:
               planes_ratio(hierarchy, DEFAULT_PLANES[hierarchy], "outline", scene, "seconds"), at_least(1.1), at_least(1.0),
               otherwise="Setting up more planes per frustum takes what the traversal saves"),
         Claim(f"{name}: wedge planes beside outline planes save operations", "none; expected above 1x",
-              planes_ratio(hierarchy, "outline", "outline+wedge", scene), at_least(1.1), at_least(1.0)))
+              planes_ratio(hierarchy, "outline", "outline+wedge", scene), at_least(1.1), at_least(1.0),
+              otherwise="Both sets cut what lies beside the volume on the screen: few nodes pass one and not the other"))
 
 
 N5 = Item(

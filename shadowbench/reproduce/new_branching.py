@@ -71,19 +71,17 @@ def measurements(size: int, frames: tuple[int, ...], repeats: int) -> tuple[Meas
 
 
 N1 = Item(
-    "N1", "new", "Branching factor 4 to 64 of PTSV: operations, time, memory", "not published; left open in Sintorn et al. "
-                                                                               "2011",
+    "N1", "new", "Branching factor 4 to 64 of PTSV: operations, time, memory", "not published; left open in Sintorn et "
+                                                                               "al. 2011",
     "PTSV with back-face casters and silhouette planes. Clusters have one branching factor, 32, which their keys and a "
-    "machine "
-    "word of 32 children fix; they are marked by crosses.",
+    "machine word of 32 children fix; they are marked by crosses.",
     full=measurements(1024, (4, 28), 2), quick=measurements(256, (28,), 1),
     rows=cell_rows("test_and_set", "node_tests", "sample_tests", "seconds", *MEMORY),
     claims=tuple(claim for scene in SCENES for claim in (
         Claim(f"{scene}: operations with 32 children over the best factor's", "none; expected at most 1.25x",
               over_best("test_and_set", scene), at_most(1.25), at_most(2.0),
               otherwise="A node of few children is rejected before its samples are looked at, so narrow trees need fewer "
-                        "tests, "
-              "but more steps that do not run side by side"),
+                        "tests, but more steps that do not run side by side"),
         Claim(f"{scene}: time with 32 children over the best factor's", "none; expected at most 1.1x",
               over_best("seconds", scene), at_most(1.1), at_most(1.5),
               otherwise="8 lanes test 8 children at once on this processor, so fewer than 32 children fill it as well"),

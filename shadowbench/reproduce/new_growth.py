@@ -70,10 +70,8 @@ def plot(evidence: Evidence, folder: Path) -> None:
 N3 = Item(
     "N3", "new", "Growth of every method's counts with resolution and with triangles", "not published",
     "All operations of one frame: the castle at several resolutions of the image (maps keep 1024 texels), the cubes made "
-    "with "
-    "several numbers of triangles. Exponents are slopes through the logarithms. The cubes' silhouettes hardly grow with "
-    "their "
-    "triangles, which is the best case for stencil volumes.",
+    "with several numbers of triangles. Exponents are slopes through the logarithms. The cubes' silhouettes hardly grow "
+    "with their triangles, which is the best case for stencil volumes.",
     full=measurements((256, 512, 1024, 2048, 4096), (1_000, 10_000, 100_000, 1_000_000), 512),
     quick=measurements((64, 128, 256), (1_000, 10_000), 96),
     rows=cell_rows("test_and_set", "all_work"),

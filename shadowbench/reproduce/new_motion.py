@@ -72,16 +72,14 @@ def plot(evidence: Evidence, folder: Path) -> None:
 N4 = Item(
     "N4", "new", "Camera and light move: mean and variation of every method's counts", "not published",
     "All operations along the path through the citadel, and at its first frame with the light at nine places round the "
-    "town. "
-    "Sintorn et al. claim steadiness for PTSV when the camera moves; nobody says what a moving light does.",
+    "town. Sintorn et al. claim steadiness for PTSV when the camera moves; nobody says what a moving light does.",
     full=measurements(512, (0, 6, 12, 18, 24, 30, 36, 42), LIGHTS), quick=measurements(96, (0, 16, 32), LIGHTS[::4]),
     rows=cell_rows("test_and_set", "all_work"),
     claims=(
         *(Claim(f"{motion}: {name}'s operations vary less than z-pass's (ratio of variations)", "none; expected below 1x",
                 steadier(name, "z-pass", motion), at_most(1.0), at_most(1.25),
                 otherwise="Variation is relative: the mean of z-pass is many times larger, so its range in operations is, "
-                          "too "
-                "(data.csv)")
+                          "too (data.csv)")
           for motion in (CAMERA, LIGHT) for name in ("PTSV, back faces", "clusters")),
         Claim("The light moves z-pass's operations more than the camera does (ratio of variations)",
               "none; expected above 1x",

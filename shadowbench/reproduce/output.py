@@ -67,6 +67,8 @@ def redraw(item: Item, folder: Path) -> list[Verdict]:
     ------
     OSError
         If the item was not reproduced in this folder.
+    LookupError, ValueError
+        If its ``data.csv`` lacks what the claims are about.
     """
     caption_lines = (folder / "caption.md").read_text(encoding="utf-8").splitlines()
     kept = [line for line in caption_lines if line.startswith(("- commit ", "Regenerate: ", "- `"))]

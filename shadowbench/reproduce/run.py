@@ -51,7 +51,7 @@ def redraw(items: tuple[Item, ...], out: Path) -> int:
         folder = out / item.paper / item.id
         try:
             verdicts = redraw_item(item, folder)
-        except OSError as error:
+        except (OSError, LookupError, ValueError) as error:     # not there, or of an item that asked for something else
             click.echo(f"error: {item.id}: {error}: reproduce it first", err=True)
             code = EXIT_SOME_FAILED
         else:

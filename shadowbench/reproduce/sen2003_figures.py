@@ -184,8 +184,7 @@ F10 = Item(
     "Sen.F10", PAPER, "The silhouette map as a warped grid", "Figure 10; sec. 5",
     f"Cells of depths, tinted like a chessboard, with {F10_TEXELS} texels along the side: cells beside a shadow's edge are "
     "warped until their borders follow it, all others stay square. The paper draws a diagram; ours is the grid itself, as "
-    "it "
-    "falls on the scene. Left: a shadow map, whose cells all stay square.",
+    "it falls on the scene. Left: a shadow map, whose cells all stay square.",
     full=(F10_FULL,), quick=at_half_size(F10_FULL), rows=ROWS,
     claims=(better("Wrong samples of the warped grid over those of the square grid, the same depths", "matches better",
                    F10_TEXELS),),

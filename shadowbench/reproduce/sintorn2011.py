@@ -1,5 +1,5 @@
 """Sintorn, Olsson, Assarsson: "An Efficient Alias-free Shadow Algorithm for Opaque and Transparent Objects using
-per-triangle Shadow Volumes", 2011: Figures 5 and 7 and the numbers of section 4.
+per-triangle Shadow Volumes", 2011: Figures 5 and 7, the numbers of section 4, and from `transparency_rows` Figures 1, 6, 8.
 
 The ranges below were fixed before anything was measured at full size; the explanations were added afterwards.
 """
@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from shadowbench.reproduce import transparency_rows
 from shadowbench.reproduce.items import Claim, Evidence, Item, Measurement, Range, Row, about, at_least, at_most
 from shadowbench.reproduce.rows import cell_rows, mean, values, variation
 from shadowbench.reproduce.sintorn2011_robustness import C3
@@ -226,4 +227,4 @@ C2 = Item(
               about(384.0, MEMORY_SHARE), about(384.0, EXPONENT_SHARE), " MiB",
               "The map here has 8 bytes per texel, a float64 depth, and triangle numbers of one face; the paper counts 4")))
 
-ITEMS = (F5, F7T, F7O, C1, C2, C3)
+ITEMS = (*transparency_rows.ITEMS, F5, F7T, F7O, C1, C2, C3)

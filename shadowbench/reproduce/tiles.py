@@ -55,7 +55,7 @@ def marked(pixels: NDArray[np.uint8], errors: NDArray[np.uint32]) -> NDArray[np.
 def draw(axes: Axes, pixels: NDArray[np.uint8], title: str) -> None:
     """Show pixels without axes."""
     axes.imshow(pixels, interpolation="antialiased")
-    axes.set_title(title)
+    axes.set_title(title, fontsize=9)
     axes.set_axis_off()
 
 

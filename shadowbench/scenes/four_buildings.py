@@ -14,7 +14,7 @@ from shadowbench.scenes.procedural import MeshBuilder, ProceduralScene, Site, fi
 from shadowbench.scenes.shapes import box, copies, frame, join, lathe, prism
 from shadowbench.scenes.tubes import tube
 
-MINIMUM = 9_000
+MINIMUM = 10_600
 """Fewest triangles: the buildings in their coarsest form, and a little ground."""
 
 _DEFAULT = 11_154

@@ -14,7 +14,7 @@ from shadowbench.scenes.procedural import MeshBuilder, ProceduralScene, fit_deta
 from shadowbench.scenes.shapes import Shape, box, frame, lathe, prism
 from shadowbench.scenes.tubes import ring, tube
 
-MINIMUM = 1_300
+MINIMUM = 1_650
 """Fewest triangles: the jeep in its coarsest form, and a little ground."""
 
 _DEFAULT = 1_732

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from shadowbench.errors import InputError
 from shadowbench.geometry import FloatArray, Material, Mesh
 from shadowbench.scenes.gltf import read_gltf
-from shadowbench.scenes.obj_materials import obj_material
+from shadowbench.scenes.obj_materials import obj_material, own_color_maps
 from shadowbench.scenes.textures import check_texture_coordinates
 from shadowbench.scenes.transforms import (
     IDENTITY,
@@ -133,7 +133,7 @@ def _parse(data: bytes, kind: str, path: Path) -> tuple[Any, dict[str, Matrix], 
 
         def get(self, name: str) -> Any:
             data = super().get(name)
-            return _utf8(data) if name.lower().endswith(".mtl") else data
+            return own_color_maps(_utf8(data)) if name.lower().endswith(".mtl") else data
 
     resolver = Resolver(str(path.absolute()))
     scene = trimesh.load_scene(io.BytesIO(data), file_type=kind[1:], resolver=resolver, process=False)

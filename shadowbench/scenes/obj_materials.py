@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,14 @@ import numpy as np
 from shadowbench.errors import InputError
 from shadowbench.geometry import Material, Texture
 from shadowbench.scenes.textures import load_texture
+
+_COLOR_MAP = "color_map"
+"""What map_Kd is called where trimesh reads an MTL file: it would load the image, and forget its name."""
+
+
+def own_color_maps(text: bytes) -> bytes:
+    """Rename map_Kd in an MTL file."""
+    return re.sub(rb"(?mi)^([ \t]*)map_Kd(?=[ \t])", rb"\1" + _COLOR_MAP.encode(), text)
 
 
 def obj_material(surface: Any, path: Path) -> Material:
@@ -37,7 +46,7 @@ def obj_material(surface: Any, path: Path) -> Material:
         raise InputError(f"{path}: material '{surface.name}' has the alpha {alpha:g}: give d or Tr a value within 0..1")
     opacity = _texture(surface, "map_d", path)
     # Colours of what is opaque dye no light
-    colors = _texture(surface, "map_kd", path) if alpha < 1.0 or opacity is not None else None
+    colors = _texture(surface, _COLOR_MAP, path) if alpha < 1.0 or opacity is not None else None
     return Material(str(surface.name or "default"), (red, green, blue), alpha, opacity, None, colors)
 
 
@@ -50,4 +59,5 @@ def _texture(surface: Any, key: str, path: Path) -> Texture | None:
     try:
         return load_texture(file, needs_alpha=key == "map_d")
     except InputError as error:
-        raise InputError(f"{path}: material '{surface.name}' ({key}): {error}") from error
+        entry = "map_Kd" if key == _COLOR_MAP else key
+        raise InputError(f"{path}: material '{surface.name}' ({entry}): {error}") from error
