@@ -78,8 +78,15 @@ class Watched:
 
     def settle(self):
         """Wait until everything that was asked for is painted."""
-        self.page.wait_for_function("!document.getElementById('viewer') || view.painted.a || view.painted.b")
-        self.page.wait_for_timeout(150)
+        self.wait_until("!document.getElementById('viewer') || (view.ticket > 0 && view.shown === view.ticket)")
+
+    def wait_until(self, condition):
+        """Ask the page again and again; its own polling would need `eval`, which the page's security policy forbids."""
+        for _ in range(200):
+            if self.page.evaluate(condition):
+                return
+            self.page.wait_for_timeout(50)
+        raise AssertionError(f"never came true: {condition}")
 
     def pixels(self, side="a"):
         """A digest of what a canvas shows."""
@@ -197,7 +204,7 @@ def test_magnifier_tells_the_numbers_of_a_pixel(opened, run_folder):
     opened.choose("scale", "largest")
     assert opened.pixels("a") != fixed
     page.click('.copy[data-copies="explain"]')
-    page.wait_for_function("document.querySelector('.copy[data-copies=explain]').textContent !== 'Copy'")
+    opened.wait_until("document.querySelector('.copy[data-copies=explain]').textContent !== 'Copy'")
 
 
 def test_frames_move_pictures_curves_and_table_together(opened):

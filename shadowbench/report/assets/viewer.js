@@ -1,7 +1,7 @@
 // The comparison of two pictures: any method and kind on either side, by slider, flip, side by side or difference.
 
 const view = { a: { series: 0, kind: "shaded" }, b: { series: 0, kind: "shaded" }, mode: "slider", split: 0.5, flipped: false,
-  painted: { a: null, b: null }, ticket: 0, playing: null };
+  painted: { a: null, b: null }, ticket: 0, shown: 0, playing: null };
 
 const withPictures = (series) => DATA.pictures.some((key) => Number(key.split("/")[0]) === DATA.series[series].run);
 
@@ -93,6 +93,7 @@ async function repaint() {
     [a, b] = await Promise.all([methodPixels(view.a.series, chosen.frame), methodPixels(view.b.series, chosen.frame)]);
   } catch (error) {
     $("message").textContent = error.message;
+    view.shown = ticket;
     return;
   }
   if (ticket !== view.ticket) return; // the reader has moved on
@@ -117,6 +118,7 @@ async function repaint() {
   const wide = $("canvas-a").clientWidth > $("canvas-a").width;
   $("stage").classList.toggle("enlarged", wide);
   showLoupe();
+  view.shown = ticket; // all that was asked for is on the screen
 }
 
 function titleOf(side) {
