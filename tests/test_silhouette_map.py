@@ -316,6 +316,7 @@ def test_same_bits_at_any_thread_count(capsys):
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_same_bits_with_generic_code(capsys):
     own = fingerprint()
     capsys.readouterr()
