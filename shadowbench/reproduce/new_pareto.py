@@ -111,16 +111,24 @@ N2 = Item(
               lambda rows: min(max(values(rows, "wrong", method=method.label)) for method in APPROXIMATE.values()),
               at_least(1.0), at_least(1.0), ""),
         Claim("Scenes on which a hierarchy is the fastest exact method", "none; expected most", share_won(
-            HIERARCHIES, tuple(EXACT), "seconds"), at_least(75.0), at_least(50.0), " %"),
+            HIERARCHIES, tuple(EXACT), "seconds"), at_least(75.0), at_least(50.0), " %",
+            otherwise="On all other scenes rays through a kd-tree are the fastest, by a factor of 1.02 to 1.67. Their "
+            "tree is not in the time, since it hangs on the mesh alone"),
         Claim("Scenes on which a hierarchy has the least test-and-set operations of the methods that count them",
               "none; expected most", share_won(HIERARCHIES, ("z-pass", "z-fail", *HIERARCHIES), "test_and_set"),
-              at_least(75.0), at_least(50.0), " %"),
+              at_least(75.0), at_least(50.0), " %",
+              otherwise="z-pass counts stencil updates alone here, the fragments that pass. With fragments and depth tests, "
+              "the column all_work, a hierarchy has the least operations of these methods on 12 of the 15 scenes"),
         Claim("Scenes on which outline planes are the cheapest of PTSV and clusters, all operations", "none; expected most",
               share_won(tuple(name for name in HIERARCHIES if "outline" in name), HIERARCHIES, "all_work"), at_least(75.0),
-              at_least(50.0), " %"),
+              at_least(50.0), " %",
+              otherwise="They spare PTSV 13 to 36 % of its operations on every scene, but clusters, the cheaper hierarchy, "
+              "need 6 % fewer to 25 % more: the wedge planes of 2014 reject about as much there"),
         Claim("A silhouette map of 512 is wrong on fewer samples than a shadow map of 512 (ratio of the means)",
               "none; expected below 1x", lambda rows: (
                   statistics.fmean(wrong_share(rows, "silhouette map, 512", scene) for scene in scenes_of(rows))
                   / statistics.fmean(wrong_share(rows, "shadow map, 512", scene) for scene in scenes_of(rows))),
-              at_most(0.75), at_most(1.0))),
+              at_most(0.75), at_most(1.0),
+              otherwise="The mean is made by villa, gate, village and the tree on snow, whose foliage and branches put many "
+              "silhouettes into one texel, which holds one point; on cubes, strike and the dragon it is 0.05 to 0.12")),
     plot=plot)
