@@ -150,7 +150,8 @@ def test_resolved_files_fill_in_every_default(folder):
                                                     "resolution": "auto"}}
     assert resolved["geometry"][0]["mesh"] == str(folder / "a.obj")
     short = YAML(typ="safe", pure=True).load(resolved_yaml(load_config(folder / "s.yaml", text=QUAD)))
-    assert short["name"] == "s" and short["image"] == {"width": 1024, "height": 1024, "samples": 1}
+    assert short["name"] == "s"
+    assert short["image"] == {"width": 1024, "height": 1024, "samples": 1, "layers": 1, "sampling": "surface"}
     assert short["geometry"][0]["triangles"] == 2 and short["geometry"][0]["seed"] == 1 and short["bias"] == "auto"
 
 

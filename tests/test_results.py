@@ -36,7 +36,7 @@ def test_results_line_has_the_published_fields(tmp_path):
     line = json.loads((tmp_path / "run" / "results.jsonl").read_text())
     assert set(line) == {"schema", "key", "scene", "frame", "algorithm", "label", "params", "status", "reason",
                          "counts", "levels", "largest", "stages", "total_seconds", "jit_seconds", "wall_seconds",
-                         "memory_bytes", "accuracy", "files"}
+                         "memory_bytes", "accuracy", "files", "triangles"}
     assert {"samples", "lit_candidates", "shadowed", "false_shadow", "false_light", "edge_tie"} <= set(line["accuracy"])
 
 
