@@ -16,11 +16,6 @@ PAPER = "sintorn2011"
 TIME_FACTOR = 2.0
 """A ratio of times holds within this factor: of a CPU and a stand-in scene, against a GTX 480 and the paper's."""
 
-def slower(published: float) -> Range:
-    """A ratio of times near the published one, and not below 1: what the paper found slower is slower."""
-    return Range(max(1.0, published / TIME_FACTOR), published * TIME_FACTOR)
-
-
 MEMORY_SHARE = 0.05
 """Memory is arithmetic: it holds within the rounding of the published numbers."""
 
@@ -38,6 +33,11 @@ PRODUCTS = ("Shares of light are multiplied as 32-bit floats, where the paper ad
 
 ROWS = cell_rows("test_and_set", "all_work", "wrong", "seconds", "light_updates", "texture_lookups",
                  "memory.light_hierarchy", "memory.shadow_hierarchy")
+
+
+def slower(published: float) -> Range:
+    """A ratio of times near the published one, and not below 1: what the paper found slower is slower."""
+    return Range(max(1.0, published / TIME_FACTOR), published * TIME_FACTOR)
 
 
 def method(label: str) -> str:
