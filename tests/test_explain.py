@@ -11,7 +11,8 @@ from shadowbench.algorithms.ray_traced import RayTraced
 from shadowbench.algorithms.z_fail import ZFail
 from shadowbench.algorithms.z_pass import ZPass
 from shadowbench.explain import cluster_walk, ray_walk, stencil_walk, tile_walk
-from shadowbench.explain.command import BY_TRIANGLE, WALKS, _frame, listing
+from shadowbench.explain.command import _frame, listing
+from shadowbench.explain.methods import BY_TRIANGLE, WALKS
 from shadowbench.explain.trace import Shape, Trace, joined
 from shadowbench.geometry import Mesh
 from shadowbench.probe import Probe

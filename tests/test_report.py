@@ -109,6 +109,14 @@ def test_packed_pictures_are_the_run_folders(page, run_folder, frame):
     assert state[..., 1].max() == 0 and state[..., 2].max() == 2
 
 
+@pytest.mark.parametrize(("algorithm", "params", "by_triangle", "refused"), [
+    ("ptsv", {}, False, False), ("ptsv", {"group": 8}, False, True), ("shadow_map", {}, False, True),
+    ("ray_traced", {}, False, False), ("ray_traced", {}, True, True), ("z_fail", {}, True, False)])
+def test_explain_is_offered_where_it_can_answer(algorithm, params, by_triangle, refused):
+    cell = a_cell().model_copy(update={"algorithm": algorithm, "params": params})
+    assert (commands.unexplained(cell, by_triangle) is not None) == refused
+
+
 def test_raw_files_are_inside(page, run_folder):
     files = scripts(page, "data-files")["0"]
     assert set(files) == {"counts.csv", "timings.csv", "results.jsonl", "run.json"}

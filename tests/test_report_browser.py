@@ -191,10 +191,10 @@ def test_magnifier_tells_the_numbers_of_a_pixel(opened, run_folder):
     assert f"--pixel {x},{y}" in page.locator("#explain").text_content()
     page.keyboard.press("Enter")
     assert page.locator("#held").text_content() == "Held."
-    box = page.locator("#canvas-a").bounding_box()
-    page.mouse.move(box["x"] + 5, box["y"] + 5)
+    corner = {"x": 5, "y": 5}
+    page.hover("#stage", position=corner)
     assert page.locator("#pixel").text_content() == "63, 55"
-    page.mouse.click(box["x"] + 5, box["y"] + 5)           # goes there and lets go
+    page.click("#stage", position=corner)                  # goes there and lets go
     assert page.locator("#pixel").text_content() == "0, 0"
     shown = opened.page.evaluate("document.getElementById('loupe-a').toDataURL()")
     page.select_option("#zoom", "24")
@@ -205,6 +205,18 @@ def test_magnifier_tells_the_numbers_of_a_pixel(opened, run_folder):
     assert opened.pixels("a") != fixed
     page.click('.copy[data-copies="explain"]')
     opened.wait_until("document.querySelector('.copy[data-copies=explain]').textContent !== 'Copy'")
+
+
+def test_only_methods_with_a_trace_offer_to_explain_a_pixel(opened):
+    page, of_maps = opened.page, str(METHODS.index("shadow_map[resolution=64]"))
+    opened.choose("a-series", of_maps)
+    page.focus("#stage")
+    page.keyboard.press("ArrowRight")
+    assert "--algorithm 'cluster'" in page.locator("#explain").text_content()      # that of the other side
+    opened.choose("b-series", of_maps)
+    page.focus("#stage")
+    page.keyboard.press("ArrowRight")
+    assert not page.locator("#explain").is_visible()
 
 
 def test_frames_move_pictures_curves_and_table_together(opened):

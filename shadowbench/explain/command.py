@@ -13,6 +13,7 @@ from shadowbench.algorithm_specs import parse_algorithm_spec, validate_params
 from shadowbench.algorithms import ALGORITHMS
 from shadowbench.algorithms.base import Algorithm, Transparency, taken_materials
 from shadowbench.errors import InputError
+from shadowbench.explain.methods import WALKS, refusal
 from shadowbench.explain.picture import page
 from shadowbench.explain.trace import Corner, Trace, joined
 from shadowbench.geometry import Frame
@@ -22,14 +23,6 @@ from shadowbench.report.table import align
 from shadowbench.results import make_label
 from shadowbench.scenes.loader import Scene, load_scene
 from shadowbench.view_samples import render_view_samples
-
-WALKS = {"ptsv": "tile_walk", "cluster": "cluster_walk", "ray_traced": "ray_walk", "z_pass": "stencil_walk",
-         "z_fail": "stencil_walk"}
-"""Modules of the methods whose tests can be listed."""
-
-BY_TRIANGLE = ("ptsv", "cluster", "z_pass", "z_fail")
-"""Methods that book tests on triangles; a ray tracer books them on rays alone."""
-
 
 def explain(scene_name: str, spec: str, pixel: tuple[int, int] | None, triangle: int | None, *, frame: int,
             overrides: Sequence[str], size: tuple[int, int] | None, output: Path | None, everything: bool) -> None:
@@ -72,13 +65,9 @@ def _check(scene: Scene, algorithm: Algorithm, pixel: tuple[int, int] | None, tr
     """
     if (pixel is None) == (triangle is None):
         raise InputError("say what to explain: either --pixel X,Y or --triangle T")
-    known = WALKS if triangle is None else BY_TRIANGLE
-    if algorithm.name not in known:
-        raise InputError(f"{algorithm.name} has no trace {'' if triangle is None else 'by triangle '}that could be listed: "
-                         f"choose from {', '.join(known)}")
-    if getattr(algorithm.params, "group", 1) != 1:
-        raise InputError(f"{algorithm.name} with group={algorithm.params.group} can't be listed: groups share their tests; "
-                         "explain it with group=1")
+    refused = refusal(algorithm.name, getattr(algorithm.params, "group", 1), by_triangle=triangle is not None)
+    if refused is not None:
+        raise InputError(refused)
     if not 0 <= frame < scene.n_frames:
         raise InputError(f"{scene.name} has frames 0 to {scene.n_frames - 1}, not {frame}: set frames with -D frames=N")
     if pixel is not None and not (0 <= pixel[0] < scene.image.width and 0 <= pixel[1] < scene.image.height):

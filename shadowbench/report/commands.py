@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from shadowbench.explain.methods import refusal
 from shadowbench.report.gather import Run
 from shadowbench.results import CellResult
 
@@ -61,6 +62,11 @@ def _kept(words: Sequence[str]) -> Iterator[str]:
             skip = _DROPPED[word]
         elif word.partition("=")[0] not in _DROPPED and not (word.startswith("-a") and not word.startswith("--")):
             yield word
+
+
+def unexplained(cell: CellResult, by_triangle: bool = False) -> str | None:
+    """Say why `explain` refuses a cell's method; None if it can list its tests."""
+    return refusal(cell.algorithm, cell.params.get("group", 1), by_triangle)
 
 
 def explain(run: Run) -> str:

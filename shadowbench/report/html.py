@@ -21,7 +21,7 @@ from shadowbench.report.packing import Chunk, pack
 from shadowbench.report.pictures import HEAT_LIMIT, heat_ramp
 from shadowbench.report.rows import columns, failures, rows
 from shadowbench.report.summary import sentences, summarise
-from shadowbench.results import RunFolder, tables
+from shadowbench.results import CellResult, RunFolder, tables
 
 LARGEST_FILE = 20 * 2**20
 """Bytes of pictures that one HTML file holds; above that a report is packed into a zip file."""
@@ -80,9 +80,14 @@ def render(runs: Sequence[Run], series: Sequence[Series], pictures: Pictures) ->
         levels=work.by_level(series), level_tables=[(s, table) for s in series if (table := work.levels_of(s))],
         triangles=work.by_triangle(series), triangle_sums=[(s, t) for s in series if (t := work.triangle_sum(s))],
         pictures=pictures, data=page_data(runs, series, pictures), files=[_files(run) for run in runs],
-        spec={s.index: commands.spec(next(iter(s.cells.values()))) for s in series}, explain=commands.explain,
+        spec={s.index: commands.spec(_first(s)) for s in series}, explain=commands.explain,
+        unexplained={s.index: commands.unexplained(_first(s), by_triangle=True) for s in series},
         scripts=Markup("\n".join(_asset(name) for name in SCRIPTS)),
         styles=Markup("\n".join(_asset(name) for name in STYLES)))
+
+
+def _first(series: Series) -> CellResult:
+    return next(iter(series.cells.values()))
 
 
 def _asset(name: str) -> str:
@@ -102,7 +107,7 @@ def page_data(runs: Sequence[Run], series: Sequence[Series], pictures: Pictures)
     return {
         "runs": [{"name": run.name, "frames": run.frames, "explain": commands.explain(run)} for run in runs],
         "series": [{"title": s.title, "run": runs.index(s.run), "color": s.index % svg.N_COLORS,
-                    "spec": commands.spec(next(iter(s.cells.values())))} for s in series],
+                    "spec": commands.spec(_first(s)), "unexplained": commands.unexplained(_first(s))} for s in series],
         "pictures": there, "beside": list(pictures.beside), "heatLimit": HEAT_LIMIT,
         "ramp": "".join(f"{r:02x}{g:02x}{b:02x}" for r, g, b in np.asarray(ramp).tolist())}
 

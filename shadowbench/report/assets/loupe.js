@@ -61,9 +61,10 @@ function showLoupe() {
     line("shadow", a, b, (m, i) => (m.kind[i] === 2 ? (m.shadow[i] / 255).toFixed(2).replace(/\.00$/, "") : "–")),
     line("answer", a, b, (m, i) => ERRORS[m.error[i]]),
     line("tests", a, b, (m, i) => (m.tests ? thousands(m.tests[i]) : "–")));
-  const side = view.b.kind === "heat" && view.a.kind !== "heat" ? "b" : "a";
-  const series = DATA.series[view[side].series];
-  $("explain").textContent = `${DATA.runs[series.run].explain} --algorithm '${series.spec}' --frame ${chosen.frame} --pixel ${loupe.x},${loupe.y}`;
+  const sides = view.b.kind === "heat" && view.a.kind !== "heat" ? "ba" : "ab";
+  const series = [...sides].map((side) => DATA.series[view[side].series]).find((method) => method.unexplained === null);
+  $("explain").parentElement.hidden = !series;
+  if (series) $("explain").textContent = `${DATA.runs[series.run].explain} --algorithm '${series.spec}' --frame ${chosen.frame} --pixel ${loupe.x},${loupe.y}`;
 }
 
 function line(name, a, b, value) {
