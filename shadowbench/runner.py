@@ -22,6 +22,7 @@ from shadowbench import accuracy, jit
 from shadowbench.algorithms import PEERS
 from shadowbench.algorithms.base import Algorithm, ShadowBuffer, Transparency
 from shadowbench.algorithms.reference import lets_light_through
+from shadowbench.allocator import keep_freed_memory
 from shadowbench.geometry import Frame
 from shadowbench.judge import LIGHT_TOLERANCE, Judge, Truth, antialiasing_difference, classify
 from shadowbench.plan import Cell, RunOptions
@@ -89,6 +90,7 @@ class Measurer:
 
     def measure(self) -> None:
         """Measure every cell and hand it to the folder; on Ctrl-C keep what is finished."""
+        keep_freed_memory()
         jit.set_threads(self.options.threads)
         try:
             for frame, cells in itertools.groupby(self.cells, key=lambda cell: cell.frame):

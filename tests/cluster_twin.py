@@ -68,7 +68,9 @@ class Twin:
         bits = (tiles - 1).bit_length()
         axes = [axis for _ in range(bits) for axis in "xyz"] + ["z", "z"]
         ratio = 1.0 + 2.0 * self.frame.camera.tan_y / -(-s.rows // 8)
-        start = self.frame.camera.near if self.params.depth_start == "near_plane" else s.depth.min()
+        start = min(s.depth[s.columns * y + x] for y in range(0, s.rows, 16) for x in range(0, s.columns, 16))
+        if self.params.depth_start == "near_plane" or start == np.inf:
+            start = self.frame.camera.near
         self.boundaries = [start]
         while len(self.boundaries) < 2 ** axes.count("z"):
             self.boundaries.append(self.boundaries[-1] * ratio)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from shadowbench.algorithms.cluster import Cluster, Params
+from shadowbench.allocator import keep_freed_memory
 from shadowbench.geometry import Camera, Frame, ImageSize, Light, Mesh
 from shadowbench.jit import set_threads
 from shadowbench.probe import Probe
@@ -95,6 +96,7 @@ def measure(frame, params, n_threads):
 
 
 def compare(frame, params, n_threads, with_build, name, capsys):
+    keep_freed_memory()
     embree = Embree(frame, n_threads)
     built = embree.build()
     trace, build = best_of(lambda: embree.trace(built)), best_of(embree.build) if with_build else 0.0

@@ -18,8 +18,9 @@ Stages
 Differences from the paper
 --------------------------
 - Eq. 1 writes the whole field of view where clusters as deep as wide, its stated intent, need the half angle.
-- Slices start at the nearest sample. With `depth_start` ``near_plane``, as in the paper, 512 slices reach to about a hundred
-  times the near distance, and everything beyond shares the last one.
+- Slices start at the nearest of every 16th sample in every 16th row, or at the near plane if all of these see the sky; what
+  is nearer belongs to the first slice. With `depth_start` ``near_plane``, as in the paper, 512 slices reach to about a
+  hundred times the near distance, and everything beyond shares the last one.
 - Culling planes are tested before the frustum's own; the outcome is the same. The sets ``outline`` and ``outline+wedge``
   and groups of frusta are not in the paper.
 - A job is done by one thread, and threads own nodes of the split level, so counts do not depend on timing. With one pass
@@ -43,7 +44,7 @@ from numpy.typing import NDArray
 from shadowbench.algorithms.base import Frame, Probe, ShadowBuffer, parameter
 from shadowbench.algorithms.frustum_base import Casters, FrustumAlgorithm, FrustumParams
 from shadowbench.algorithms.transparency import ClearCasters, Shaded, shadow_buffer
-from shadowbench.kernels import cluster_counts, cluster_hierarchy, cluster_shadow, transparency
+from shadowbench.kernels import cluster_counts, cluster_hierarchy, cluster_samples, cluster_shadow, transparency
 from shadowbench.kernels.cluster_jobs import Jobs, Rules, expand
 from shadowbench.kernels.cluster_keys import KeyLayout, key_layout, make_slices
 from shadowbench.kernels.cluster_traversal import finish
@@ -86,7 +87,7 @@ class _Hierarchy(NamedTuple):
     clusters: cluster_hierarchy.Clusters
     nodes: cluster_hierarchy.Nodes
     largest_r: float
-    tiles: cluster_hierarchy.TileSamples
+    tiles: cluster_samples.TileSamples
 
 
 class _Filled(NamedTuple):
@@ -212,11 +213,12 @@ class Cluster(FrustumAlgorithm):
         """Build the hierarchy; None if no sample is included."""
         samples, params = frame.samples, self.params
         layout = key_layout(samples.columns, samples.rows)
-        start = frame.camera.near if params.depth_start == "near_plane" else cluster_hierarchy.nearest_depth(samples.depth)
-        tiles = cluster_hierarchy.tile_samples(np.ascontiguousarray(samples.plane_x[: samples.columns]),
-                                               np.ascontiguousarray(samples.plane_y[:: samples.columns]))
-        slices = make_slices(start if start < np.inf else frame.camera.near, frame.camera.tan_y, tiles.rows,
-                             1 << int(layout.axis_shift[0, 2]))
+        start = cluster_samples.nearest_depth(samples.depth, samples.columns)
+        if params.depth_start == "near_plane" or start == np.inf:
+            start = frame.camera.near
+        tiles = cluster_samples.tile_samples(np.ascontiguousarray(samples.plane_x[: samples.columns]),
+                                             np.ascontiguousarray(samples.plane_y[:: samples.columns]))
+        slices = make_slices(start, frame.camera.tan_y, tiles.rows, 1 << int(layout.axis_shift[0, 2]))
         clusters, nodes, largest_r = cluster_hierarchy.build_cluster_tree(
             tiles, samples.depth, self.included(frame), layout, slices, params.bounds == "explicit", params.layout == "full")
         if nodes is None:

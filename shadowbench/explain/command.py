@@ -24,6 +24,7 @@ from shadowbench.results import make_label
 from shadowbench.scenes.loader import Scene, load_scene
 from shadowbench.view_samples import render_view_samples
 
+
 def explain(scene_name: str, spec: str, pixel: tuple[int, int] | None, triangle: int | None, *, frame: int,
             overrides: Sequence[str], size: tuple[int, int] | None, output: Path | None, everything: bool) -> None:
     """Print every test of a pixel or a triangle, and write the page with the picture."""

@@ -7,52 +7,74 @@ boxes of a node's children stand together, where its tests read them: smallest c
 import numpy as np
 
 from shadowbench.jit import kernel, parallel_kernel, prange
-from shadowbench.kernels.cluster_keys import TILE, TILE_SAMPLES
-from shadowbench.kernels.lanes import LANES, lowest_bit
-from shadowbench.kernels.row_lanes import highest_bit, masked_bounds
+from shadowbench.kernels.cluster_keys import TILE
+from shadowbench.kernels.lanes import LANES
+from shadowbench.kernels.row_lanes import masked_bounds
 
 N_WORKERS = 32
 """Parts that the clusters are cut into."""
 
-_TILE_CHUNKS = TILE_SAMPLES // LANES
+
+@kernel
+def _clear_rooms(nodes, first, end):
+    """Write zeros where the boxes of the children of some nodes will stand: lanes without a child are computed with, too."""
+    box_x, box_y, box_r, places, n_chunks = nodes.x, nodes.y, nodes.r, nodes.place, nodes.n_chunks
+    for node in range(first, end):
+        here, after = places[node], places[node] + 2 * LANES * n_chunks[node]
+        box_x[here:after], box_y[here:after], box_r[here:after] = 0.0, 0.0, 0.0
 
 
 @kernel
-def _box_part(nodes, clusters, samples, worker):
-    """Write the explicit boxes of a share of the clusters."""
-    parent, lane, n_chunks, places = nodes.parent, nodes.lane, nodes.n_chunks, nodes.place
-    box_x, box_y, box_r, x, y, r = nodes.x, nodes.y, nodes.r, samples.x, samples.y, samples.r
-    rows, columns, tiles, masks, n = clusters.row, clusters.column, clusters.tile, clusters.samples, len(clusters.tile)
-    first = len(nodes.first_child)
-    for i in range(n * worker // N_WORKERS, n * (worker + 1) // N_WORKERS):
-        row, column, node = rows[i], columns[i], parent[first + i]
-        # Join the rows of the mask, then find its first and last columns and rows
-        bits, joined = masks[i], masks[i]
-        for shift in (32, 16, 8):
-            joined |= joined >> np.uint64(shift)
-        joined &= np.uint64(255)
-        x0, x1 = x[column * TILE + lowest_bit(joined)], x[column * TILE + highest_bit(joined)]
-        y0, y1 = y[row * TILE_SAMPLES + lowest_bit(bits)], y[row * TILE_SAMPLES + highest_bit(bits)]
-        low = places[node] + lane[first + i]
-        high = low + LANES * n_chunks[node]
-        box_x[low], box_x[high] = min(x0, x1), max(x0, x1)
-        box_y[low], box_y[high] = min(y0, y1), max(y0, y1)
-        box_r[low], box_r[high] = masked_bounds(r, tiles[i] * TILE_SAMPLES, bits, _TILE_CHUNKS)
+def _place_part(nodes, boxes, worker):
+    """Write the boxes of a share of the clusters' parents, and of their clusters."""
+    parent, lane, n_chunks, places, first_child = nodes.parent, nodes.lane, nodes.n_chunks, nodes.place, nodes.first_child
+    box_x, box_y, box_r = nodes.x, nodes.y, nodes.r
+    top, n_inner, n_all, far = nodes.first[-3], nodes.first[-2], nodes.first[-1], np.float32(np.inf)
+    first, end = top + (n_inner - top) * worker // N_WORKERS, top + (n_inner - top) * (worker + 1) // N_WORKERS
+    _clear_rooms(nodes, first, end)
+    for node in range(first, end):
+        low_x, low_y, low_r, high_x, high_y, high_r = far, far, far, -far, -far, -far
+        for child in range(first_child[node], first_child[node + 1] if node + 1 < n_inner else n_all):
+            cluster = child - n_inner
+            low = places[node] + lane[child]
+            high = low + LANES * n_chunks[node]
+            # Sec. 2.1: the box of the cluster's samples
+            x0, x1, y0, y1 = boxes[cluster, 0], boxes[cluster, 1], boxes[cluster, 2], boxes[cluster, 3]
+            r0, r1 = boxes[cluster, 4], boxes[cluster, 5]
+            box_x[low], box_x[high], box_y[low], box_y[high], box_r[low], box_r[high] = x0, x1, y0, y1, r0, r1
+            low_x, low_y, low_r = min(low_x, x0), min(low_y, y0), min(low_r, r0)
+            high_x, high_y, high_r = max(high_x, x1), max(high_y, y1), max(high_r, r1)
+        if node > 0:
+            low = places[parent[node]] + lane[node]
+            high = low + LANES * n_chunks[parent[node]]
+            box_x[low], box_x[high], box_y[low], box_y[high], box_r[low], box_r[high] = (
+                low_x, high_x, low_y, high_y, low_r, high_r)
 
 
 @parallel_kernel
-def box_clusters(nodes, clusters, samples):
-    """Write the explicit boxes of the clusters: those of their samples (Sec. 2.1)."""
+def _place(nodes, boxes):
     for worker in prange(N_WORKERS):
-        _box_part(nodes, clusters, samples, worker)
+        _place_part(nodes, boxes, worker)
+
+
+def explicit_boxes(nodes, boxes):
+    """Write the explicit boxes of all nodes: those of their samples (Sec. 2.1); returns the root's largest 1 / depth.
+
+    Parameters
+    ----------
+    boxes : float32 (n_clusters, 6), of the clusters, by key.
+    """
+    _clear_rooms(nodes, 0, nodes.first[-3])
+    _place(nodes, boxes)
+    return _join_boxes(nodes)
 
 
 @kernel
-def join_boxes(nodes):
-    """Write the boxes of all nodes above the clusters, from the bottom up; returns the root's largest 1 / depth."""
+def _join_boxes(nodes):
+    """Write the boxes of the nodes above the clusters' parents, from the bottom up; returns the root's largest 1 / depth."""
     parent, lane, n_chunks, places, occupied = nodes.parent, nodes.lane, nodes.n_chunks, nodes.place, nodes.occupied
     box_x, box_y, box_r = nodes.x, nodes.y, nodes.r
-    for node in range(len(n_chunks) - 1, 0, -1):
+    for node in range(nodes.first[-3] - 1, 0, -1):
         here, mask, chunks, above = places[node], occupied[node], n_chunks[node], parent[node]
         end = here + LANES * chunks
         low = places[above] + lane[node]
@@ -73,6 +95,7 @@ def implicit_boxes(nodes, clusters, first_cluster, samples, layout, slices, larg
     largest_r : largest 1 / depth of a sample.
     """
     one, n_columns, n_rows = np.float32(1.0), len(samples.plane_x), len(samples.plane_y)
+    _clear_rooms(nodes, 0, nodes.first[-2])
     for level in range(1, len(layout.shift)):
         shift_x, shift_y, shift_z = layout.axis_shift[level, 0], layout.axis_shift[level, 1], layout.axis_shift[level, 2]
         for node in range(nodes.first[level], nodes.first[level + 1]):

@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shadowbench.jit import kernel
+
 TILE = 8
 """Columns and rows of samples in a tile."""
 
@@ -105,16 +107,33 @@ def make_slices(start, tan_y, n_tile_rows, n_slices):
     tan_y : tangent of half the vertical field of view.
     n_tile_rows : S_y, number of tiles in the image's height.
     """
-    # Repeated products, not a logarithm: the same bits on every machine
     step = 2.0 * tan_y / n_tile_rows
-    boundaries = np.full(n_slices, 1.0 + step)
-    boundaries[0] = start
-    with np.errstate(over="ignore"):        # far slices of a very flat image may begin at infinity
-        boundaries = np.multiply.accumulate(boundaries)
+    boundaries = np.empty(n_slices + 1)
+    _set_boundaries(boundaries, start, 1.0 + step)
     # A range is 2^-n of an octave, so that it holds at most one boundary
     shift = MANTISSA_BITS - max(0, 1 - math.frexp(step)[1])
-    ranges = boundaries.view(np.int64) >> shift
-    first, last = int(ranges[0]), int(ranges[-1])
-    edges = (np.arange(first, last + 1) << shift).view(np.float64)
-    guide = np.maximum(np.searchsorted(boundaries, edges, side="right") - 1, 0)
-    return Slices(np.append(boundaries, np.nan), guide.astype(np.int32), shift, first)
+    bits = boundaries.view(np.int64)
+    first, last = int(bits[0]) >> shift, int(bits[-2]) >> shift
+    guide = np.empty(last - first + 1, np.int32)
+    _set_guide(bits, first, shift, guide)
+    return Slices(boundaries, guide, shift, first)
+
+
+@kernel
+def _set_boundaries(boundaries, start, ratio):
+    """Multiply again and again, without a logarithm: the same bits on every machine. The last entry is not a number."""
+    for z in range(len(boundaries) - 1):
+        # Far slices of a very flat image may begin at infinity
+        boundaries[z] = start
+        start *= ratio
+    boundaries[-1] = np.nan
+
+
+@kernel
+def _set_guide(bits, first, shift, guide):
+    """Find the last boundary at or before the beginning of each range of depth; positive numbers compare like their bits."""
+    z, n_slices = 0, len(bits) - 1
+    for i in range(len(guide)):
+        while z + 1 < n_slices and bits[z + 1] <= (first + i) << shift:
+            z += 1
+        guide[i] = z

@@ -16,8 +16,14 @@ _ONE = np.uint64(1)
 
 
 @kernel
-def _count_part(keys, shift, starts, worker):
-    """Count the prefixes of the sorted keys, on every level, that start in a share of them."""
+def count_part(keys, shift, starts, worker):
+    """Count the prefixes of the sorted keys, on every level, that start in a share of them.
+
+    Parameters
+    ----------
+    keys : uint64, in order; shift : int64 (n_levels + 1,), bits below the prefixes of each level.
+    starts : int64 (N_WORKERS, n_levels), counted up.
+    """
     first, end = len(keys) * worker // N_WORKERS, len(keys) * (worker + 1) // N_WORKERS
     lowest = starts.shape[1] - 1
     for i in range(first, end):
@@ -25,19 +31,6 @@ def _count_part(keys, shift, starts, worker):
         while level >= 0 and (i == 0 or keys[i] >> np.uint64(shift[level]) != keys[i - 1] >> np.uint64(shift[level])):
             starts[worker, level] += 1
             level -= 1
-
-
-@parallel_kernel
-def _count(keys, shift, starts):
-    for worker in prange(N_WORKERS):
-        _count_part(keys, shift, starts, worker)
-
-
-def count_nodes(keys, layout):
-    """Count the nodes of every level above the clusters that start in each worker's share of the sorted keys."""
-    starts = np.zeros((N_WORKERS, len(layout.level_bits)), np.int64)
-    _count(keys, layout.shift, starts)
-    return starts
 
 
 @kernel
@@ -77,6 +70,8 @@ def _link_share(nodes, layout, clusters, first_cluster, full, starts, worker):
     while 0 < end < n and keys[end] >> shift == keys[end - 1] >> shift:
         end += 1
     base = nodes.first[level + 1]
+    for i in range(first, end):
+        first_cluster[base + i] = i
     _link(nodes, level, layout, clusters, first_cluster, full, base + first, base + end, node)
 
 
@@ -114,23 +109,27 @@ def link_nodes(nodes, layout, clusters, starts, full):
     Parameters
     ----------
     nodes : its `first` is known, the rest but the boxes is set.
-    starts : what `count_nodes` found.
+    starts : what `count_part` found.
     full : True for the full layout.
 
     Returns
     -------
     A cluster of each node, int64 (n_nodes,), and the size of the arrays of coordinates.
     """
-    n_levels = len(layout.level_bits)
     first_cluster = np.empty(len(nodes.parent), np.int64)
-    first_cluster[nodes.first[n_levels]:] = np.arange(len(clusters.key))
     _link_clusters(nodes, layout, clusters, first_cluster, full, starts)
     blocks = 2 * LANES * -(-(1 << layout.level_bits) // LANES)
     places = np.concatenate([[0], np.cumsum(blocks << (layout.shift[0] - layout.shift[:-1]))])
-    end = 0
+    end = _link_upwards(nodes, layout, clusters, first_cluster, places, full)
+    return first_cluster, int(places[-1]) if full else end
+
+
+@kernel
+def _link_upwards(nodes, layout, clusters, first_cluster, places, full):
+    """Link all levels but the clusters', which are linked, and give all boxes their places, from the bottom up."""
+    first, end, n_levels = nodes.first, 0, len(layout.level_bits)
     for level in range(n_levels - 1, -1, -1):
         if level < n_levels - 1:
-            _link(nodes, level, layout, clusters, first_cluster, full, int(nodes.first[level + 1]),
-                  int(nodes.first[level + 2]), int(nodes.first[level]))
-        end = _make_room(nodes, level, layout, clusters, first_cluster, int(places[level]) if full else end, full)
-    return first_cluster, int(places[-1]) if full else end
+            _link(nodes, level, layout, clusters, first_cluster, full, first[level + 1], first[level + 2], first[level])
+        end = _make_room(nodes, level, layout, clusters, first_cluster, places[level] if full else end, full)
+    return end
