@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from shadowbench.algorithms import ALL_ALGORITHMS
+from shadowbench.algorithms.base import ShadowBuffer
+from shadowbench.conformance.cases import CLEAR_CASES
 from shadowbench.conformance.interface import check_class, check_counts
 from shadowbench.conformance.suite import THREADED, Cases, examine
 from shadowbench.probe import Probe
@@ -141,7 +143,21 @@ def test_unknown_case_and_method():
 def test_every_built_in_method_passes_on_some_cases(entry):
     """All cases of all exact methods are in test_exact_methods.py; `shadowbench verify` runs the whole suite."""
     outcome = examine(entry.load()(), Cases([*THREADED, "1x1 image", "empty mesh"]))
-    assert [f for f in outcome.findings if "no case" not in f.message] == [] and outcome.passed == 5
+    assert [f for f in outcome.findings if "no case" not in f.message] == [] and outcome.passed == 6
+
+
+def test_the_light_that_casters_let_through_is_verified():
+    method = next(entry for entry in ALL_ALGORITHMS if entry.name == "ptsv").load()
+
+    class Brighter(method):
+        def shadows(self, frame, probe):
+            shadow = super().shadows(frame, probe).shadow
+            return ShadowBuffer(np.where(shadow < 1, np.float32(0.99) * shadow, shadow))
+
+    name, = CLEAR_CASES
+    assert examine(method(), Cases([name])).findings == []
+    found, = examine(Brighter(), Cases([name])).findings
+    assert found.case == name and "(0 dark that are lit" in found.message
 
 
 def test_sums_that_do_not_agree_are_told():

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.geometry import Camera, Frame, ImageSize, Light, Mesh
+from shadowbench.geometry import Camera, Frame, ImageSize, Light, Material, Mesh, Texture
 from shadowbench.view_samples import render_view_samples
 
 BIAS_OF_DIAGONAL = 1e-5
@@ -185,6 +185,22 @@ def _hard_cases() -> dict[str, Case]:
 
 
 HARD_CASES: dict[str, Case] = _hard_cases()
+
+def _clear_case() -> Case:
+    """A pane and a leaf with a hole over a ground and a box: constant alpha, a texture, and both over opaque casters."""
+    texels = np.ones((4, 4, 4), np.float32)
+    texels[1:3, 1:3, 3] = 0.0
+    texels[0, :, 3] = 0.5
+    materials = (Material(), Material("pane", (0.9, 0.3, 0.2), alpha=0.4),
+                 Material("leaf", (0.2, 0.7, 0.3), alpha_texture=Texture("leaf", texels)))
+    mesh = mesh_of(ground(), BOX, ONE + [0, 2, 0], ONE * [-1, 1, 1] + [1, 1.5, 1])
+    uv = np.tile([[0.0, 0.0], [1.0, 0.0], [0.5, 1.0]], (mesh.n_triangles, 1, 1))
+    material = np.array([0, 0, 1, 2], np.int32)[mesh.part]
+    return Case(Mesh(mesh.vertices, mesh.triangles, mesh.part, material, materials, uv), CAMERA, LIGHT)
+
+
+CLEAR_CASES: dict[str, Case] = {"casters that let light through": _clear_case()}
+"""Cases with casters that are not opaque."""
 
 LARGE_CASES: dict[str, Callable[[], Case]] = {
     "1921x1081 image": lambda: Case(mesh_of(ground(), BOX, ONE), CAMERA, LIGHT, ImageSize(1921, 1081)),

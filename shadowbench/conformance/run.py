@@ -16,7 +16,7 @@ from shadowbench.algorithm_specs import parameter_model, parse_algorithm_spec, v
 from shadowbench.algorithms import ALGORITHMS
 from shadowbench.algorithms.base import Algorithm
 from shadowbench.cli import EXIT_INTERRUPTED, EXIT_OK, EXIT_REGRESSION
-from shadowbench.conformance.cases import HARD_CASES, LARGE_CASES
+from shadowbench.conformance.cases import CLEAR_CASES, HARD_CASES, LARGE_CASES
 from shadowbench.conformance.fingerprint import fingerprints
 from shadowbench.conformance.suite import Cases, Finding, Outcome, examine
 from shadowbench.errors import InputError
@@ -78,9 +78,10 @@ def _unavailable(name: str, reason: str) -> str:
 
 def _case_names(case: str | None, quick: bool) -> list[str]:
     """Choose the cases."""
-    known = [*HARD_CASES, *LARGE_CASES]
+    small = [*HARD_CASES, *CLEAR_CASES]
+    known = [*small, *LARGE_CASES]
     if case is None:
-        return list(HARD_CASES) if quick else known
+        return small if quick else known
     if case not in known:
         near = difflib.get_close_matches(case, known, n=1)
         raise InputError(f"--case {case}: " + (f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"))

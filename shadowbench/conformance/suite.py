@@ -11,20 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench import accuracy, jit
-from shadowbench.algorithms.base import Algorithm
-from shadowbench.algorithms.reference import reference_frame
-from shadowbench.conformance.cases import HARD_CASES, LARGE_CASES, Case
+from shadowbench.algorithms.base import Algorithm, ShadowBuffer, Transparency
+from shadowbench.conformance.cases import CLEAR_CASES, HARD_CASES, LARGE_CASES, Case
 from shadowbench.conformance.interface import check_buffer, check_capabilities, check_class, check_counts
 from shadowbench.geometry import Frame
+from shadowbench.judge import Judge, Truth, classify
 from shadowbench.probe import Probe
 
-THREADED = ("duplicates", "sun", "boxes sharing faces")
+THREADED = ("duplicates", "sun", "boxes sharing faces", *CLEAR_CASES)
 """Cases that are run with several numbers of threads, and again in another process."""
 
 THREADS = (1, 2, 4)
 
-OF_LIGHT = ("light_updates", "texture_lookups")
-"""Counters of casters that let light through; all casters of the cases are opaque."""
+_SMALL_CASES = {**HARD_CASES, **CLEAR_CASES}
 
 
 @dataclass(frozen=True)
@@ -62,21 +61,20 @@ class Cases:
     def __init__(self, names: list[str]) -> None:
         self.names = names
         self._made: dict[str, tuple[Case, Frame]] = {}
-        self._truths: dict[tuple[str, bytes], tuple[NDArray[np.float32], NDArray[np.bool_]]] = {}
+        self._judges: dict[str, Judge] = {}
 
     def get(self, name: str) -> tuple[Case, Frame]:
         """Return a case and its frame."""
         if name not in self._made:
-            case = HARD_CASES[name] if name in HARD_CASES else LARGE_CASES[name]()
+            case = _SMALL_CASES[name] if name in _SMALL_CASES else LARGE_CASES[name]()
             self._made[name] = case, case.frame()
         return self._made[name]
 
-    def truth(self, name: str, casters: NDArray[np.bool_] | None) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Return the reference's answer and the ambiguous samples."""
-        key = name, b"all" if casters is None else np.packbits(casters).tobytes()
-        if key not in self._truths:
-            self._truths[key] = reference_frame(self.get(name)[1], Probe(), casters)
-        return self._truths[key]
+    def truth(self, name: str, casters: NDArray[np.bool_] | None, mode: Transparency) -> Truth:
+        """Return the reference's answer, with materials taken in the same way."""
+        if name not in self._judges:
+            self._judges[name] = Judge(self.get(name)[1])
+        return self._judges[name].truths(casters, mode)[0]
 
 
 def examine(algorithm: Algorithm, cases: Cases) -> Outcome:
@@ -99,7 +97,7 @@ def examine(algorithm: Algorithm, cases: Cases) -> Outcome:
         outcome.findings += [Finding(name, message) for message in problems]
     if len(cases.names) > len(THREADED) and outcome.passed:
         outcome.findings += [Finding(None, f"it declares the counter {name}, but no case filled it")
-                             for name in method.counters if name not in counters and name not in OF_LIGHT]
+                             for name in method.counters if name not in counters]
         outcome.findings += [Finding(None, f"it declares the stage {name!r}, but no case passed it")
                              for name in method.stages if name not in stages]
     return outcome
@@ -112,7 +110,8 @@ def _examine_case(algorithm: Algorithm, name: str, frame: Frame, cases: Cases, c
     prepared = Frame(frame.mesh, frame.light, frame.camera, frame.image, frame.samples, frame.bias,
                      algorithm.prepare(frame.mesh))
     probe = Probe(counting=True)
-    shadow = algorithm.shadows(prepared, probe).shadow
+    buffer = algorithm.shadows(prepared, probe)
+    shadow = buffer.shadow
     counters.update(probe.counts)
     stages.update(probe.stages)
     form = list(check_buffer(shadow, frame))
@@ -121,7 +120,8 @@ def _examine_case(algorithm: Algorithm, name: str, frame: Frame, cases: Cases, c
     if form:
         return
     if type(algorithm).exact is True:
-        yield from _wrong_samples(shadow, name, algorithm.casters(prepared), frame, cases)
+        truth = cases.truth(name, algorithm.casters(prepared), algorithm.judged_as(prepared))
+        yield from _wrong_samples(algorithm, buffer, truth, frame)
     yield from _again(algorithm, prepared, shadow, probe)
     if name in THREADED:
         yield from _on_threads(algorithm, prepared, shadow, probe)
@@ -129,13 +129,11 @@ def _examine_case(algorithm: Algorithm, name: str, frame: Frame, cases: Cases, c
         yield "it changes its inputs: mesh or view samples are not what they were"
 
 
-def _wrong_samples(shadow: NDArray[np.float32], name: str, casters: NDArray[np.bool_] | None, frame: Frame, cases: Cases
-                   ) -> Iterator[str]:
+def _wrong_samples(algorithm: Algorithm, buffer: ShadowBuffer, truth: Truth, frame: Frame) -> Iterator[str]:
     """Compare an exact method with the reference."""
-    truth, ambiguous = cases.truth(name, casters)
     candidate, columns = frame.samples.candidate, frame.samples.columns
-    errors = accuracy.classify(shadow, truth, ambiguous, candidate)
-    measured = accuracy.measure(shadow, errors, ambiguous, candidate)
+    errors = classify(algorithm, buffer, truth, frame)
+    measured = accuracy.measure(buffer.shadow, errors, truth.ambiguous, candidate)
     if not measured.wrong:
         return
     classes = (accuracy.ErrorClass.FALSE_SHADOW, accuracy.ErrorClass.FALSE_LIGHT)
@@ -143,8 +141,9 @@ def _wrong_samples(shadow: NDArray[np.float32], name: str, casters: NDArray[np.b
     text = (f"{measured.wrong:,} of {measured.lit_candidates:,} lit candidates are wrong ({measured.false_shadow:,} dark "
             f"that are lit, {measured.false_light:,} lit that are dark), the first at column {column}, row {row}")
     for (down, right), words in _SHIFTS.items():
-        moved = np.roll(shadow.reshape(-1, columns), (-down, -right), (0, 1)).reshape(-1)
-        again = accuracy.measure(shadow, accuracy.classify(moved, truth, ambiguous, candidate), ambiguous, candidate).wrong
+        moved = np.roll(buffer.shadow.reshape(-1, columns), (-down, -right), (0, 1)).reshape(-1)
+        errors = accuracy.classify(moved, truth.shadow, truth.ambiguous, candidate)
+        again = accuracy.measure(moved, errors, truth.ambiguous, candidate).wrong
         if again < SHIFT_SHARE * measured.wrong:
             text += f"; the shadow looks moved by one sample {words}"
     yield text
