@@ -60,7 +60,7 @@ C3 = Item(
     "Above: the citadel with the eye in two shadow volumes; z-pass that starts its count at zero, as the classical method "
     "does, with the robust count of this project, which the paper calls unsolved, and PTSV. Below: 256 sheets over the "
     "eye, more volumes than a stencil buffer of 8 bits counts; the paper names the failure and shows no scene for it. "
-    + MARKED,
+    "Below alone: " + MARKED[0].lower() + MARKED[1:],
     full=views(1024), quick=views(256),
     rows=cell_rows("wrong", "false_shadow", "false_light", "lit_candidates", "eye_volumes", "peak_stencil",
                    "stencil_overflows"),
