@@ -163,13 +163,17 @@ SPARSE = ("The gain grows with the number of triangles per sample: where triangl
           "bounding frustum of a group meets nodes that few of its members meet")
 
 
+SMALL = ("Groups save operations here, see above, and with them a little time: most triangles (stones, merlons, leaves) are "
+         "small against the nodes, and many members of a group need no planes of their own")
+
+
 def group_claims(hierarchy: str) -> tuple[Claim, ...]:
     """Groups pay where triangles are dense, in operations and time; and not in game levels, in time."""
     return (
         *(Claim(f"{hierarchy}, {scene}: groups of 16 save operations", "none; expected above 1x", gain(hierarchy, scene, 0),
                 at_least(1.1), at_least(1.0), otherwise=SPARSE) for scene in GAMES),
         *(Claim(f"{hierarchy}, {scene}: groups of 16 save no time", "none; expected at most 1x",
-                gain(hierarchy, scene, 0, "seconds"), at_most(1.0), at_most(1.1)) for scene in GAMES),
+                gain(hierarchy, scene, 0, "seconds"), at_most(1.0), at_most(1.1), otherwise=SMALL) for scene in GAMES),
         *(Claim(f"{hierarchy}, fuzzy of {n:,} triangles: groups of 16 save {name}", "none; expected above 1x",
                 gain(hierarchy, "fuzzy", n, column), at_least(1.1), at_least(1.0), otherwise=SPARSE)
           for column, name in (("test_and_set", "operations"), ("seconds", "time")) for n in DENSITIES))
