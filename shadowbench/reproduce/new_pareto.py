@@ -78,9 +78,11 @@ def plot(evidence: Evidence, folder: Path) -> None:
                        markersize=3, alpha=0.5)
             panel.plot([typical(rows, name, column)], [statistics.fmean(shares)], "s" if name in EXACT else "o", color=color,
                        markersize=8, markeredgecolor="white", label=name)
-        panel.set(title=unit, xlabel=unit, ylabel="% of the candidates wrong", ylim=(-0.002, None))
-        panel.set_xscale("symlog", linthresh=FEW)       # some methods have no test-and-set operations at all
+        panel.set(title=unit, xlabel=unit, ylabel="% of the candidates wrong", xscale="log", ylim=(-0.002, None))
         panel.set_yscale("symlog", linthresh=0.01)
+    # Some methods have no test-and-set operations at all
+    axes[0].set_xscale("symlog", linthresh=FEW)
+    axes[0].set_xlim(-FEW / 3, None)
     plots.legend_below(figure, axes[0])
     plots.save(figure, folder)
 
