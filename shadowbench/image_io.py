@@ -6,6 +6,7 @@ to an integer channel; the functions here raise OSError, take NumPy arrays, and 
 
 from __future__ import annotations
 
+import itertools
 import tempfile
 from pathlib import Path
 
@@ -99,13 +100,15 @@ def read_exr(path: Path) -> dict[str, NDArray]:
         raise OSError(f"cannot read {path}: {oiio.geterror()}")
     spec = image.spec()
     formats = spec.channelformats or (spec.format,) * spec.nchannels
-    channels = {}
-    for i, (name, stored) in enumerate(zip(spec.channelnames, formats, strict=True)):
-        kind = "uint" if str(stored) == "uint" else "float"
-        pixels = image.read_image(0, 0, i, i + 1, kind)
+    channels: dict[str, NDArray] = {}
+    kinds = ["uint" if str(stored) == "uint" else "float" for stored in formats]
+    # Neighbours of a kind at once: a file is decompressed anew for every read
+    for kind, run in itertools.groupby(range(len(kinds)), key=kinds.__getitem__):
+        places = list(run)
+        pixels = image.read_image(0, 0, places[0], places[-1] + 1, kind)
         if pixels is None:
             raise OSError(f"cannot read {path}: {image.geterror()}")
-        channels[name] = pixels[..., 0]
+        channels |= {spec.channelnames[place]: np.ascontiguousarray(pixels[..., i]) for i, place in enumerate(places)}
     image.close()
     return channels
 

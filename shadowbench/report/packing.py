@@ -12,6 +12,7 @@ import base64
 import hashlib
 import json
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -50,29 +51,40 @@ class Chunk:
 
 def pack(runs: Sequence[Run], series: Sequence[Series]) -> Iterator[Chunk]:
     """Pack frame after frame; those without pictures are left out."""
-    for number, run in enumerate(runs):
-        own = [s for s in series if s.run is run]
-        for frame in run.frames:
-            document = _pack_frame(run, frame, own)
-            if document is not None:
-                yield Chunk(f"{number}/{frame}", json.dumps(document, separators=(",", ":")))
+    with ThreadPoolExecutor() as pool:
+        for number, run in enumerate(runs):
+            own = [s for s in series if s.run is run]
+            for frame in run.frames:
+                document = _pack_frame(run, frame, own, pool)
+                if document is not None:
+                    yield Chunk(f"{number}/{frame}", json.dumps(document, separators=(",", ":")))
 
 
 class _Blobs:
-    """PNG files by a short name of their content, so that equal ones are kept once."""
+    """PNG files by a short name of their content, so that equal ones are kept once.
 
-    def __init__(self) -> None:
-        self.texts: dict[str, str] = {}
+    Parameters
+    ----------
+    pool : threads that compress them.
+    """
+
+    def __init__(self, pool: ThreadPoolExecutor) -> None:
+        self._pool = pool
+        self._files: dict[str, Future[bytes]] = {}
 
     def add(self, pixels: Pixels) -> str:
         """Keep an image; return its name."""
         name = hashlib.sha256(repr(pixels.shape).encode() + pixels.tobytes()).hexdigest()[:16]
-        if name not in self.texts:
-            self.texts[name] = base64.b64encode(image_io.encode_png(pixels)).decode()
+        if name not in self._files:
+            self._files[name] = self._pool.submit(image_io.encode_png, pixels)
         return name
 
+    def texts(self) -> dict[str, str]:
+        """Return all files as text, by name."""
+        return {name: base64.b64encode(file.result()).decode() for name, file in self._files.items()}
 
-def _pack_frame(run: Run, frame: int, series: Sequence[Series]) -> dict[str, Any] | None:
+
+def _pack_frame(run: Run, frame: int, series: Sequence[Series], pool: ThreadPoolExecutor) -> dict[str, Any] | None:
     """Pack what there is of a frame's pictures; None if there are none."""
     size = ImageSize(**run.document["image"])
     gbuffer = run.path / "frames" / f"{frame:04d}" / "gbuffer.exr"
@@ -81,8 +93,9 @@ def _pack_frame(run: Run, frame: int, series: Sequence[Series]) -> dict[str, Any
     if not cells or not gbuffer.is_file():
         return None
     kind = _kinds(gbuffer, size)
-    blobs, base, methods = _Blobs(), None, {}
-    for s, cell in cells:
+    blobs, base, methods = _Blobs(pool), None, {}
+    answers = pool.map(lambda cell: image_io.read_exr(run.path / cell[1].files["shadow_exr"]), cells)
+    for (s, cell), channels in zip(cells, answers, strict=True):
         shaded = image_io.read_png(run.path / cell.files["shaded_png"])[..., :3]
         if base is None:
             base = shaded
@@ -90,11 +103,10 @@ def _pack_frame(run: Run, frame: int, series: Sequence[Series]) -> dict[str, Any
             first = layers[0]
         else:
             layers = [first, *_patch(base, shaded, blobs)]
-        channels = image_io.read_exr(run.path / cell.files["shadow_exr"])
         methods[str(s.index)] = {"shaded": layers, "state": blobs.add(_state(channels, kind, size)),
                                  "tests": blobs.add(_tests(channels, size)) if "heatmap_png" in cell.files else None,
                                  "extras": _extras(run.path, cell, blobs)}
-    return {"width": size.width, "height": size.height, "methods": methods, "blobs": blobs.texts}
+    return {"width": size.width, "height": size.height, "methods": methods, "blobs": blobs.texts()}
 
 
 def _exists(folder: Path, cell: CellResult, name: str) -> bool:
